@@ -31,6 +31,7 @@ skips the others, and keeps the results so far.
 #include "bin/registration/methods.h"
 #include "bin/registration/results.h"
 #include "bin/registration/track.h"
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "gflags/gflags.h"
@@ -60,6 +61,12 @@ DEFINE_bool(guard_edges,
 
 namespace invgrad {
 namespace {
+
+// For gflags, until the program ends.
+OutputOptions& OutputFlags() {
+  static auto& options = *new OutputOptions;
+  return options;
+}
 
 bool SelectScenes(const std::string& text,
                   std::vector<Scene>* scenes,
@@ -98,6 +105,7 @@ bool SelectUnits(const std::string& text,
 }
 
 bool Run(RunCounts* counts, std::string* error) {
+  SetOutput(&OutputFlags());
   std::vector<Scene> scenes;
   std::vector<RegistrationMethod> methods;
   std::vector<std::string> units;
@@ -136,13 +144,14 @@ bool Run(RunCounts* counts, std::string* error) {
       }
     }
   }
-  return WriteRegistrationResults(FLAGS_output, runs, error);
+  return WriteRegistrationResults(Output().output, runs, error);
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::OutputFlags().AddFlags(/*shows_progress=*/false);
   return invgrad::RunProgram(
       argc,
       argv,

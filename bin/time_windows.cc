@@ -26,6 +26,7 @@ others.
 
 #include "bin/support/field_plots.h"
 #include "bin/support/live_run.h"
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
@@ -46,6 +47,12 @@ DEFINE_int32(seed, 1, "of the initial weights");
 
 namespace invgrad {
 namespace {
+
+// For gflags, until the program ends.
+OutputOptions& OutputFlags() {
+  static auto& options = *new OutputOptions;
+  return options;
+}
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -157,7 +164,7 @@ bool Report(const Settings& settings,
   Table table;
   for (std::size_t k = 0; k < solutions.runs.size(); ++k) {
     AddWindow(settings, k, solutions.runs[k], u, &table);
-    if (!WriteNpy(fmt::format("{}/weights-{}.npy", FLAGS_output, k),
+    if (!WriteNpy(fmt::format("{}/weights-{}.npy", Output().output, k),
                   solutions.runs[k].weights,
                   error)) {
       return false;
@@ -166,15 +173,15 @@ bool Report(const Settings& settings,
   const VectorXd& truth = settings.truth;
   MatrixXd rows(settings.points.cols(), 4);
   rows << settings.points.transpose(), u.row(0).transpose(), truth;
-  if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteNpy(FLAGS_output + "/solution.npy", rows, error)) {
+  if (!WriteTable(Output().output + "/table", table, error) ||
+      !WriteNpy(Output().output + "/solution.npy", rows, error)) {
     return false;
   }
   fmt::print("{}L2_error of all times: {}\nresults in {}\n",
              table.ToText(),
              FormatNumber(RelativeError(u.row(0).transpose(), truth)),
-             FLAGS_output);
-  Picture picture = {FLAGS_output + "/solution.png", {}, 3};
+             Output().output);
+  Picture picture = {Output().output + "/solution.png", {}, 3};
   const int num_times = settings.whole.test_counts[0];
   AddFunctionPanels("u*", num_times, truth, nullptr, &picture);
   AddFunctionPanels("u", num_times, u.row(0).transpose(), &truth, &picture);
@@ -183,6 +190,7 @@ bool Report(const Settings& settings,
 }
 
 bool Run(RunCounts* counts, std::string* error) {
+  SetOutput(&OutputFlags());
   Settings settings;
   if (!Check(&settings, error) ||
       !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
@@ -200,6 +208,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::OutputFlags().AddFlags();
   invgrad::Training().Add();
   return invgrad::RunProgram(argc,
                              argv,

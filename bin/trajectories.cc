@@ -22,6 +22,7 @@ trajectories.csv to restyle it, and one CSV a rule.
 #include <string>
 #include <vector>
 
+#include "bin/support/output_options.h"
 #include "bin/support/point_path.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
@@ -50,6 +51,12 @@ DEFINE_double(margin,
 
 namespace invgrad {
 namespace {
+
+// For gflags, until the program ends.
+OutputOptions& OutputFlags() {
+  static auto& options = *new OutputOptions;
+  return options;
+}
 
 using Points = std::vector<Eigen::VectorXd>;
 
@@ -171,6 +178,7 @@ void Print(const PointPath& path) {
 }
 
 bool Run(RunCounts* counts, std::string* error) {
+  SetOutput(&OutputFlags());
   PhysicsProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags(
@@ -210,11 +218,11 @@ bool Run(RunCounts* counts, std::string* error) {
   for (const PointPath& path : paths) {
     counts->Add(!path.has_failed());
     Print(path);
-    if (!WritePathCsv(FLAGS_output + "/", path, error)) return false;
+    if (!WritePathCsv(Output().output + "/", path, error)) return false;
   }
-  fmt::print("results in {}\n", FLAGS_output);
-  DrawPictures(
-      {{FLAGS_output + "/trajectories.png", MakePlots(*problem.point, paths)}});
+  fmt::print("results in {}\n", Output().output);
+  DrawPictures({{Output().output + "/trajectories.png",
+                 MakePlots(*problem.point, paths)}});
   return true;
 }
 
@@ -222,6 +230,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::OutputFlags().AddFlags();
   invgrad::RegisterProblems();
   return invgrad::RunProgram(
       argc,

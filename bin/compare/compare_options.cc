@@ -3,9 +3,6 @@
 #include <string>
 
 #include "bin/support/flags.h"
-#include "bin/support/ranks.h"
-#include "fmt/core.h"
-#include "gflags/gflags.h"
 
 namespace invgrad {
 
@@ -44,38 +41,7 @@ void CompareOptions::AddFlags() {
   AddFlag("resume", &resume, "go on with the run in the directory");
   AddFlag(
       "init_weights", &init_weights, "initial weights (.npy) for every seed");
-}
-
-bool CheckNoTraining(bool takes_threads, std::string* error) {
-  for (const std::string name : {"hidden",
-                                 "activation",
-                                 "initialization",
-                                 "torch_script",
-                                 "epochs",
-                                 "batch_size",
-                                 "shuffle",
-                                 "threads",
-                                 "cpu_time",
-                                 "checkpoint_seconds",
-                                 "target_loss",
-                                 "patience",
-                                 "init_weights",
-                                 "resume"}) {
-    const gflags::CommandLineFlagInfo flag =
-        gflags::GetCommandLineFlagInfoOrDie(name.c_str());
-    if (flag.current_value == flag.default_value ||
-        (takes_threads && name == "threads")) {
-      continue;
-    }
-    *error = fmt::format(
-        "--{}={} needs a problem with a network", name, flag.current_value);
-    return false;
-  }
-  if (NumRanks() == 1) return true;
-  *error =
-      "a problem without a network runs in one process: start it without "
-      "mpirun";
-  return false;
+  output.AddFlags();
 }
 
 }  // namespace invgrad

@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "bin/support/output_options.h"
 #include "bin/support/training_flags.h"
 
 namespace invgrad {
@@ -23,14 +24,11 @@ struct CompareOptions {
   int track_sample = 0;
   bool resume = false;
   std::string init_weights;  // a file
+  OutputOptions output;
 
   // Adds a flag for each field, under its name.
   void AddFlags();
 };
-
-// For a problem without a network: returns false, with *error, if a flag that is
-// for training is given, or if there are several ranks.
-bool CheckNoTraining(bool takes_threads, std::string* error);
 
 }  // namespace invgrad
 

@@ -11,6 +11,7 @@
 #include "bin/support/html_output.h"
 #include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
@@ -85,6 +86,7 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
       table.Add("metric", ExactNumber(run.last().metric));
       table.Add("steps", std::to_string(run.summary.num_steps));
       table.Add("seconds", ExactNumber(run.summary.train_time_in_seconds));
+      table.Add("simulator_calls", ExactNumber(run.last().simulator_calls));
       table.Add("saturated", std::to_string(run.num_saturated));
       table.Add("status", run.summary.message);
     }
@@ -110,12 +112,9 @@ struct Comparison {
 
 // Sets all but the results. Changes nothing outside.
 bool Check(CompareOptions* options, Comparison* of, std::string* error) {
-  if (FLAGS_overwrite && options->resume) {
-    *error = "--resume=true is not allowed with --overwrite";
-    return false;
-  }
   const double last_sample = of->problem.train.num_samples() - 1.0;
-  if (!CheckFlags({{"target_loss", {0.0}},
+  if (!CheckResume(options->resume, error) ||
+      !CheckFlags({{"target_loss", {0.0}},
                    {"patience", {0.0}},
                    {"track_sample", {-1.0, last_sample}}},
                   error) ||
@@ -190,7 +189,7 @@ bool Prepare(const CompareOptions& options,
         "{} ranks. If one of them is lost, the same command with --resume goes "
         "on from the checkpoints in {}\n",
         NumRanks(),
-        FLAGS_output);
+        Output().output);
   }
   std::set<std::string> warned;
   for (const Method& method : of.methods) {
@@ -226,6 +225,8 @@ bool RunOrLoad(const CompareOptions& options,
   Progress progress;
   ProgressState state;
   state.label = fmt::format("{} seed {}", method.label, seed);
+  state.step = ProgressState::kNoStep;
+  ShowProgress(state, &progress);  // the first step may take long
   run.on_step = [&](const TrainingRun& training) {
     state.step = training.step();
     state.loss = training.history().back().train_loss;
@@ -304,10 +305,10 @@ bool Report(const CompareOptions& options,
     const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
     if (run != nullptr) medians.push_back(run);
   }
-  std::cout << "results in " << FLAGS_output << "\n";
+  std::cout << "results in " << Output().output << "\n";
   FinishReport(ReportOf(options, of, /*is_over=*/true),
                LearningPictures(of.problem,
-                                FLAGS_output,
+                                Output().output,
                                 options.track_sample,
                                 of.WeightsOf(of.seeds[0]),
                                 medians));

@@ -1,5 +1,6 @@
 #include "bin/compare/learning_report.h"
 
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -55,6 +56,16 @@ Series RunCurve(const LearningRunResult& run, Field y, Field x) {
   return curve;
 }
 
+// Whether all runs have counted them; old ones have not.
+bool HasCalls(const std::vector<MethodResults>& all) {
+  for (const MethodResults& method : all) {
+    for (const LearningRunResult& run : method.runs) {
+      if (std::isnan(run.last().simulator_calls)) return false;
+    }
+  }
+  return true;
+}
+
 HtmlReport::Chart Curves(const LearningProblem& problem,
                          const std::vector<MethodResults>& all,
                          bool has_many_seeds) {
@@ -73,11 +84,15 @@ HtmlReport::Chart Curves(const LearningProblem& problem,
           ? "A line is the median over the seeds, its band reaches from the "
             "lowest to the highest seed."
           : "One seed, evaluated at the points of the history.";
+  std::vector<std::pair<std::string, Field>> xs = {
+      {"seconds of training", &HistoryRow::seconds},
+      {"step", nullptr},
+      {"passes over the data (epochs)", &HistoryRow::epoch}};
+  if (HasCalls(all)) {
+    xs.emplace_back("calls of the simulator", &HistoryRow::simulator_calls);
+  }
   for (const auto& [y_name, y] : ys) {
-    for (const auto& [x_name, x] : std::vector<std::pair<std::string, Field>>{
-             {"seconds of training", &HistoryRow::seconds},
-             {"step", nullptr},
-             {"passes over the data (epochs)", &HistoryRow::epoch}}) {
+    for (const auto& [x_name, x] : xs) {
       Plot& view = chart.views.emplace_back();
       view.x_label = x_name;
       view.y_label = y_name;

@@ -1,6 +1,6 @@
 // The report of a learning comparison (report/html_report.h): losses and the
-// problem's metric against steps, seconds and epochs, the median over the seeds
-// with their range.
+// problem's metric against seconds, steps, epochs and calls of the simulator
+// (chain/counted_simulator.h), the median over the seeds with their range.
 #ifndef BIN_COMPARE_LEARNING_REPORT_H_
 #define BIN_COMPARE_LEARNING_REPORT_H_
 

@@ -9,6 +9,8 @@
 #include "bin/support/field_plots.h"
 #include "bin/support/html_output.h"
 #include "bin/support/point_path.h"
+#include "bin/support/point_run.h"
+#include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
 #include "invgrad/io/format.h"
@@ -120,14 +122,51 @@ bool Check(const CompareOptions& options,
            std::string* error) {
   constexpr int kMaxSteps = std::numeric_limits<int>::max();
   if (!CheckNoTraining(/*takes_threads=*/false, error) ||
+      !CheckResume(options.resume, error) ||
       !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error)) {
     return false;
   }
-  minimizer->max_num_iterations = 100;
-  minimizer->gradient_tolerance = 1e-12;
+  *minimizer = PointBudget();
   options.training.SetBudget(minimizer);
   return PathsFitInMemory(
       problem, minimizer->max_num_iterations, num_methods, error);
+}
+
+std::string Prefix() { return InOutput("path-"); }
+
+bool Prepare(const CompareOptions& options,
+             const std::vector<Method>& methods,
+             std::string* error) {
+  if (!PrepareRunDirectoryOnRanks(options.resume ? ExistingDirectory::kResume
+                                                 : ExistingDirectory::kRefuse,
+                                  RunIdentity(),
+                                  error)) {
+    return false;
+  }
+  bool is_listed = true;  // before other ranks write some of them
+  for (const Method& method : methods) {
+    is_listed =
+        is_listed && (!IsFirstRank() || ListPointRun(Prefix(), method, error));
+  }
+  return AgreeOnRanks(is_listed, error);
+}
+
+// The runs of this rank, for their files.
+bool RunShare(const PointProblem& problem,
+              const std::vector<Method>& methods,
+              const MinimizerOptions& options,
+              std::string* error) {
+  const auto run = [&](int i) {
+    PointPath ignored;
+    return RunOrReadPath(Prefix(),
+                         problem,
+                         methods[i],
+                         options,
+                         /*may_run=*/true,
+                         &ignored,
+                         error);
+  };
+  return RunShareOfRank(static_cast<int>(methods.size()), run, error);
 }
 
 bool Run(const PointProblem& problem,
@@ -143,15 +182,16 @@ bool Run(const PointProblem& problem,
       return PointReport(problem, methods, *paths, table, /*is_over=*/false);
     });
     PointPath path;
-    path.label = method.label;
-    std::string why = "not run: interrupted";
-    if (!Interrupt::IsRequested() &&
-        TracePath(problem, method, options, &path, &why)) {
-      if (!WritePathCsv(InOutput("path-"), path, error)) return false;
-    } else {
-      path.x.clear();
-      path.status = why;
+    if (!RunOrReadPath(Prefix(),
+                       problem,
+                       method,
+                       options,
+                       !Interrupt::IsRequested(),
+                       &path,
+                       error)) {
+      return false;
     }
+    if (path.status.empty()) path.status = "not run: interrupted";
     counts->Add(!path.has_failed());
     paths->push_back(std::move(path));
   }
@@ -170,7 +210,7 @@ bool Report(const PointProblem& problem,
        !WriteFinalStates(problem, paths, &fields, error))) {
     return false;
   }
-  std::cout << "results in " << FLAGS_output << "\n";
+  std::cout << "results in " << Output().output << "\n";
   FinishReport(PointReport(problem, methods, paths, table, /*is_over=*/true),
                {{InOutput("fields.png"),
                  fields,
@@ -190,10 +230,12 @@ bool ComparePoint(const CompareOptions& options,
                   std::string* error) {
   MinimizerOptions minimizer;
   if (!Check(options, problem, methods.size(), &minimizer, error) ||
-      !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
+      !Prepare(options, methods, error)) {
     return false;
   }
-  const Interrupt interrupt;
+  const Interrupt interrupt(/*is_silent=*/!IsFirstRank());
+  if (!RunShare(problem, methods, minimizer, error)) return false;
+  if (!IsFirstRank()) return true;
   std::vector<PointPath> paths;
   return Run(problem, methods, minimizer, &paths, counts, error) &&
          Report(problem, methods, paths, error);

@@ -1,6 +1,6 @@
 // All methods on a point problem: paths and final losses.
 //
-//   DIR/path-METHOD.csv         see point_path.h
+//   DIR/path-METHOD.csv, .run   see point_run.h
 //   DIR/table.txt, DIR/table.md
 //   DIR/loss.png                L against iterations
 //   DIR/report.html             all of it for a browser (point_report.h)
@@ -10,6 +10,9 @@
 //   DIR/x-METHOD.npy            the final x
 //   DIR/x-true.npy              x*, if it is known
 //   DIR/fields.png              x* and every final x, if x is a field
+//
+// On several ranks, each takes the next method of the list in turn, until all
+// are done; rank 0 then reads them, as --resume does.
 //
 // Norms are Euclidean; "mean |x - x*|" in the table is the mean over entries.
 #ifndef BIN_COMPARE_POINT_COMPARISON_H_

@@ -1,19 +1,18 @@
 #include "bin/estimate/estimation_comparison.h"
 
-#include <algorithm>
-#include <cmath>
+#include <cstdint>
 #include <iostream>
-#include <optional>
 #include <utility>
 
 #include "bin/estimate/estimation_report.h"
 #include "bin/estimate/estimation_results.h"
+#include "bin/estimate/estimation_run.h"
 #include "bin/estimate/estimation_table.h"
-#include "bin/estimate/run_report.h"
 #include "bin/estimate/way.h"
 #include "bin/support/html_output.h"
-#include "bin/support/live_run.h"
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
+#include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "invgrad/blas_threads.h"
@@ -81,174 +80,104 @@ void AddCosts(const std::string& label,
   (*panels)[1].series.push_back(std::move(seconds));
 }
 
-std::string StartName(const EstimationOptions& options,
-                      const EstimationInput& input,
-                      int start,
-                      int seed) {
-  std::string name = input.name;
-  if (input.estimation->traits().num_starts > 1) {
-    name += fmt::format("-start{}", start + 1);
+// Where all ways start.
+struct Start {
+  const EstimationInput* input = nullptr;
+  int number = 0;  // of the input's starts
+  int seed = 0;    // of the noise
+  std::string name;
+
+  Estimation* estimation() const { return input->estimation.get(); }
+};
+
+std::string StartName(const EstimationOptions& options, const Start& start) {
+  const EstimationTraits& traits = start.estimation()->traits();
+  std::string name = start.input->name;
+  if (!traits.seeds.empty()) {
+    name += fmt::format("-seed{}", traits.seeds[start.number]);
+  } else if (traits.num_starts > 1) {
+    name += fmt::format("-start{}", start.number + 1);
   }
-  if (options.perturb > 0.0) name += fmt::format("-seed{}", seed);
+  if (options.perturb > 0.0) name += fmt::format("-seed{}", start.seed);
   return name;
 }
 
-void SetStart(const EstimationOptions& options,
-              int start,
-              int seed,
-              Estimation* estimation) {
-  estimation->SetStart(start);
+std::vector<Start> StartsOf(const EstimationOptions& options,
+                            const std::vector<EstimationInput>& inputs) {
+  std::vector<Start> starts;
+  for (const EstimationInput& input : inputs) {
+    const EstimationTraits& traits = input.estimation->traits();
+    for (int k = 0; k < traits.num_starts; ++k) {
+      if (traits.seeds.empty() && options.start != "both" &&
+          options.start != std::to_string(k + 1)) {
+        continue;
+      }
+      for (const int seed :
+           options.perturb > 0.0 ? options.seeds : std::vector<int>{0}) {
+        Start start{&input, k, seed, ""};
+        start.name = StartName(options, start);
+        starts.push_back(std::move(start));
+      }
+    }
+  }
+  return starts;
+}
+
+void SetStart(const EstimationOptions& options, const Start& start) {
+  start.estimation()->SetStart(start.number);
   if (options.perturb > 0.0) {
-    NumpyRandom random(static_cast<std::uint32_t>(seed));
-    estimation->Perturb(options.perturb, &random);
+    NumpyRandom random(static_cast<std::uint32_t>(start.seed));
+    start.estimation()->Perturb(options.perturb, &random);
   }
 }
 
-bool Minimize(const EstimationOptions& options,
-              const std::string& name,
-              Way way,
-              Estimation* estimation,
-              ceres::Problem* problem,
-              MinimizerSummary* summary,
-              std::string* error) {
-  MinimizerOptions minimizer = estimation->traits().budget;
-  if (options.max_iterations > 0) {
-    minimizer.max_num_iterations = options.max_iterations;
-  }
-  if (options.seconds > 0.0) minimizer.max_time_in_seconds = options.seconds;
-  if (options.function_tolerance >= 0.0) {
-    minimizer.function_tolerance = options.function_tolerance;
-  }
-  minimizer.block_name = [estimation](const double* values) {
-    return estimation->BlockName(values);
-  };
-  minimizer.evaluation_callback = estimation->evaluation_callback();
-  LiveCallback live(name + " " + way.label);
-  minimizer.callbacks.push_back(&live);
-  way.method.AddCeresDefaults(
-      {{"linear_solver", estimation->traits().linear_solver},
-       {"num_threads", std::to_string(options.threads)}});
-  return MinimizeByWay(way, minimizer, estimation, problem, summary, error);
-}
-
-// Of a run that has a result. A covariance that cannot be computed is part of
-// the status.
-void SetCovariance(const ceres::Problem& problem,
-                   const Estimation& estimation,
-                   EstimationRow* row,
-                   RunReport* report) {
-  std::string why;
-  if (!AddCovariance(estimation, problem, report, &why)) {
-    row->status += "; no covariance: " + why;
-    return;
-  }
-  row->rank = report->covariance->rank();
-  row->num_parameters = report->covariance->num_parameters();
-  row->deviation_digits = estimation.DeviationDigits(*report->covariance);
-}
-
-// Writes the result, in the input's format, and the reports.
-bool WriteRun(const std::string& path,
-              const Estimation& estimation,
-              EstimationRow* row,
-              RunReport* report,
-              std::string* error) {
-  const std::string result = path + estimation.traits().extension;
-  if (!ListRunFile(result, error)) return false;
-  // If estimates are not finite, the other runs continue.
-  std::string why;
-  if (!estimation.Write(result, &why)) {
-    Warn(why);
-    row->status += "; no result file: " + why;
-    row->has_failed = true;
-  }
-  report->status = row->status;
-  return WriteRunFile(path + ".csv", IterationsCsv(report->minimizer), error) &&
-         WriteRunFile(path + ".json", report->ToJson(), error) &&
-         (!report->covariance ||
-          WriteRunFile(path + ".report.txt", report->ToText(), error));
-}
-
-// One way from one start. False only if a file cannot be written.
-bool RunWay(const EstimationOptions& options,
-            const std::string& name,
+// Adds a run, and what it draws.
+bool AddRun(const EstimationOptions& options,
+            const Start& start,
             const Way& way,
-            Estimation* estimation,
             Panels* panels,
-            EstimationRow* row,
+            Runs* runs,
             std::string* error) {
-  row->start = name;
-  row->method = way.label;
-  RunReport report;
-  report.start = name;
-  report.method = way.label;
-  const std::unique_ptr<ceres::Problem> problem =
-      estimation->MakeProblem(options.make_loss);
-  std::string why;
-  if (!Minimize(options,
-                name,
-                way,
-                estimation,
-                problem.get(),
-                &report.minimizer,
-                &why)) {
-    row->status = "not run: " + why;
-    return true;
+  SetStart(options, start);
+  EstimationRun run;
+  const bool is_good = RunOrReadEstimation(options,
+                                           start.name,
+                                           way,
+                                           !Interrupt::IsRequested(),
+                                           start.estimation(),
+                                           &run,
+                                           error);
+  if (run.row.status.empty()) return is_good;
+  run.row.input = start.input->name;
+  if (!run.report.minimizer.iterations.empty()) {
+    start.estimation()->Draw(way.label, &panels->results);
+    if (run.report.covariance) {
+      start.estimation()->DrawCovariance(
+          way.label, *run.report.covariance, &panels->covariances);
+    }
+    AddCosts(way.label, panels->color, run.report.minimizer, &panels->costs);
   }
-  SetResults(way.method,
-             report.minimizer,
-             options.levels,
-             *estimation,
-             problem.get(),
-             row);
-  const std::string doubt = estimation->Doubt();
-  if (!row->has_failed && !doubt.empty()) row->status += "; " + doubt;
-  if (options.covariance && !row->has_failed) {
-    SetCovariance(*problem, *estimation, row, &report);
-  }
-  row->estimate = estimation->EstimateText(
-      report.covariance ? &*report.covariance : nullptr);
-  if (!WriteRun(InOutput(name + "/" + FileName(way.label)),
-                *estimation,
-                row,
-                &report,
-                error)) {
-    return false;
-  }
-  estimation->Draw(way.label, &panels->results);
-  if (report.covariance) {
-    estimation->DrawCovariance(
-        way.label, *report.covariance, &panels->covariances);
-  }
-  AddCosts(way.label, panels->color, report.minimizer, &panels->costs);
-  return true;
+  runs->rows.push_back(std::move(run.row));
+  return is_good;
 }
 
-// All ways from one start.
+// All ways from one start. Adds nothing after a signal if none was run before.
 bool RunFrom(const EstimationOptions& options,
-             int start,
-             int seed,
-             const EstimationInput& input,
+             const Start& start,
              const std::vector<Way>& ways,
              Runs* runs,
              std::string* error) {
-  Estimation* estimation = input.estimation.get();
-  const std::string name = StartName(options, input, start, seed);
+  const std::string& name = start.name;
   const std::string folder = InOutput(name);
-  if (!MakeDirectories(folder, error)) return false;
-  SetStart(options, start, seed, estimation);
+  SetStart(options, start);
   Panels panels;
-  estimation->Draw("start", &panels.results);
+  start.estimation()->Draw("start", &panels.results);
+  const size_t num_before = runs->rows.size();
   for (const Way& way : ways) {
-    if (Interrupt::IsRequested()) break;
-    SetStart(options, start, seed, estimation);
     panels.color = static_cast<int>(&way - ways.data());
-    EstimationRow& row = runs->rows.emplace_back();
-    row.input = input.name;
-    if (!RunWay(options, name, way, estimation, &panels, &row, error)) {
-      return false;
-    }
+    if (!AddRun(options, start, way, &panels, runs, error)) return false;
   }
+  if (runs->rows.size() == num_before) return true;
   runs->costs.push_back({name, panels.costs});
   panels.ShortenNames();
   constexpr size_t kMaxShown = 6;  // starts in the report
@@ -277,17 +206,19 @@ bool Check(const EstimationOptions& options,
            const std::vector<EstimationInput>& inputs,
            std::string* error) {
   for (const EstimationInput& input : inputs) {
-    if (options.start != "2" || input.estimation->traits().num_starts == 2) {
-      continue;
-    }
+    const EstimationTraits& traits = input.estimation->traits();
+    const bool has_second = traits.num_starts == 2 && traits.seeds.empty();
+    if (options.start != "2" || has_second) continue;
     *error = "--start=2: " + input.name + " has one start";
     return false;
   }
-  return true;
+  return CheckResume(options.resume, error);
 }
 
 bool Prepare(const EstimationOptions& options,
              const std::vector<EstimationInput>& inputs,
+             const std::vector<Start>& starts,
+             const std::vector<Way>& ways,
              std::string* error) {
   for (const EstimationInput& input : inputs) {
     std::cout << input.name << ": " << input.estimation->traits().description
@@ -295,35 +226,58 @@ bool Prepare(const EstimationOptions& options,
   }
   std::cout << "\n";
   SetBlasThreads(options.threads);
-  return PrepareRunDirectory(ExistingDirectory::kRefuse, error);
+  if (!PrepareRunDirectoryOnRanks(options.resume ? ExistingDirectory::kResume
+                                                 : ExistingDirectory::kRefuse,
+                                  RunIdentity(),
+                                  error)) {
+    return false;
+  }
+  bool is_listed = true;  // before other ranks write some of them
+  for (const Start& start : starts) {
+    for (const Way& way : ways) {
+      is_listed = is_listed &&
+                  (!IsFirstRank() ||
+                   ListEstimationRun(
+                       options, start.name, way, *start.estimation(), error));
+    }
+  }
+  return AgreeOnRanks(is_listed, error);
+}
+
+// The runs of this rank, for their files.
+bool RunShare(const EstimationOptions& options,
+              const std::vector<Start>& starts,
+              const std::vector<Way>& ways,
+              std::string* error) {
+  const auto run = [&](int number) {
+    const Start& start = starts[number / ways.size()];
+    SetStart(options, start);
+    EstimationRun ignored;
+    return RunOrReadEstimation(options,
+                               start.name,
+                               ways[number % ways.size()],
+                               /*may_run=*/true,
+                               start.estimation(),
+                               &ignored,
+                               error);
+  };
+  return RunShareOfRank(
+      static_cast<int>(starts.size() * ways.size()), run, error);
 }
 
 bool Run(const EstimationOptions& options,
          const std::vector<EstimationInput>& inputs,
+         const std::vector<Start>& starts,
          const std::vector<Way>& ways,
          Runs* runs,
          std::string* error) {
   LiveReport live;
-  const std::vector<int> seeds =
-      options.perturb > 0.0 ? options.seeds : std::vector<int>{0};
-  for (const EstimationInput& input : inputs) {
-    for (int start = 0; start < input.estimation->traits().num_starts;
-         ++start) {
-      if (options.start != "both" &&
-          options.start != std::to_string(start + 1)) {
-        continue;
-      }
-      for (const int seed : seeds) {
-        if (Interrupt::IsRequested()) return true;
-        live.Update([&] {
-          return EstimationReport(
-              options, inputs, ways, runs->rows, runs->costs, false);
-        });
-        if (!RunFrom(options, start, seed, input, ways, runs, error)) {
-          return false;
-        }
-      }
-    }
+  for (const Start& start : starts) {
+    live.Update([&] {
+      return EstimationReport(
+          options, inputs, ways, runs->rows, runs->costs, false);
+    });
+    if (!RunFrom(options, start, ways, runs, error)) return false;
   }
   return true;
 }
@@ -350,7 +304,7 @@ bool Report(const EstimationOptions& options,
           error)) {
     return false;
   }
-  std::cout << "results in " << FLAGS_output << "\n";
+  std::cout << "results in " << Output().output << "\n";
   FinishReport(
       EstimationReport(options, inputs, ways, runs.rows, runs.costs, true),
       runs.pictures);
@@ -364,13 +318,17 @@ bool CompareEstimations(const EstimationOptions& options,
                         const std::vector<Method>& methods,
                         RunCounts* counts,
                         std::string* error) {
-  if (!Check(options, inputs, error) || !Prepare(options, inputs, error)) {
+  const std::vector<Start> starts = StartsOf(options, inputs);
+  const std::vector<Way> ways = Ways(methods, options.separable);
+  if (!Check(options, inputs, error) ||
+      !Prepare(options, inputs, starts, ways, error)) {
     return false;
   }
-  const Interrupt interrupt;
+  const Interrupt interrupt(/*is_silent=*/!IsFirstRank());
+  if (!RunShare(options, starts, ways, error)) return false;
+  if (!IsFirstRank()) return true;
   Runs runs;
-  const std::vector<Way> ways = Ways(methods, options.separable);
-  if (!Run(options, inputs, ways, &runs, error) ||
+  if (!Run(options, inputs, starts, ways, &runs, error) ||
       !Report(options, inputs, ways, runs, error)) {
     return false;
   }

@@ -6,6 +6,7 @@
 //   DIR/START/METHOD.dat (.txt, .g2o)       the result, in the input's format
 //   DIR/START/METHOD.csv                    iteration, cost, seconds, accepted
 //   DIR/START/METHOD.json                   the run for programs (docs/json.md)
+//   DIR/START/METHOD.run                    the run, for --resume
 //   DIR/START/result.png                    the start and every result
 //   DIR/START/cost.png                      cost against iterations and seconds
 //
@@ -15,8 +16,11 @@
 //                                           what is not determined
 //   DIR/START/covariance.png                bands (nist), ellipses (g2o)
 //
-// START is the name of the input, with -startK if it has several starts and
-// -seedS if they are perturbed.
+// START is the name of the input, with -startK if it has several starts, and
+// -seedS if they are drawn or perturbed.
+//
+// On several ranks, each takes the next run of the list in turn, until all are
+// done; rank 0 then reads them, as --resume does.
 #ifndef BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
 #define BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
 
@@ -47,6 +51,7 @@ struct EstimationOptions {
   double function_tolerance = -1.0;  // -1: the problem's own
   int threads = 1;
   std::vector<double> levels;  // costs above the minimum; for seconds to
+  bool resume = false;         // what is done is not run again
 };
 
 // Runs all methods from the starts of the options. A method that does not

@@ -71,12 +71,14 @@ std::vector<std::pair<std::string, std::string>> Facts(
                   options.seconds > 0.0
                       ? fmt::format(", or {:g} s", options.seconds)
                       : ""));
-  facts.emplace_back("starts",
-                     options.perturb > 0.0
-                         ? fmt::format("perturbed by {:g}, seeds {}",
-                                       options.perturb,
-                                       fmt::join(options.seeds, ", "))
-                         : "as given");
+  const std::vector<int>& drawn = inputs[0].estimation->traits().seeds;
+  facts.emplace_back(
+      "starts",
+      options.perturb > 0.0 ? fmt::format("perturbed by {:g}, seeds {}",
+                                          options.perturb,
+                                          fmt::join(options.seeds, ", "))
+      : drawn.empty()       ? "as given"
+                            : fmt::format("seeds {}", fmt::join(drawn, ", ")));
   return facts;
 }
 

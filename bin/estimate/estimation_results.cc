@@ -69,6 +69,7 @@ std::vector<double> Costs(const MinimizerSummary& summary) {
 
 void SetResults(const Method& method,
                 const MinimizerSummary& summary,
+                long num_evaluations,
                 const std::vector<double>& levels,
                 const Estimation& estimation,
                 ceres::Problem* problem,
@@ -83,7 +84,7 @@ void SetResults(const Method& method,
   }
   row->num_outside_domain = summary.num_outside_domain;
   row->seconds = summary.total_time_in_seconds;
-  row->num_evaluations = estimation.num_evaluations();
+  row->num_evaluations = num_evaluations;
   if (row->num_evaluations >= 0) row->gradient_norm = GradientNorm(problem);
   for (const double level : levels) {
     row->seconds_to.push_back(SecondsTo(estimation.minimum() + level, summary));

@@ -17,10 +17,11 @@ namespace invgrad {
 std::vector<double> Costs(const MinimizerSummary& summary);
 
 // Sets all of the row but its names and its covariance. The parameters are the
-// result. `levels`: costs above the
-// minimum.
+// result. `num_evaluations`: -1 if they are not counted. `levels`: costs above
+// the minimum.
 void SetResults(const Method& method,
                 const MinimizerSummary& summary,
+                long num_evaluations,
                 const std::vector<double>& levels,
                 const Estimation& estimation,
                 ceres::Problem* problem,

@@ -5,6 +5,7 @@
 #include <ctime>
 #include <utility>
 
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "bin/support/versions.h"
 #include "fmt/core.h"
@@ -12,8 +13,6 @@
 #include "invgrad/compare/compare.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "report/plot.h"
-
-DECLARE_bool(plots);
 
 namespace invgrad {
 namespace {
@@ -49,7 +48,7 @@ bool IsFirstOrder(const Phase& phase) {
 
 void WriteReport(const HtmlReport& report) {
   std::string error;
-  if (!WriteRunFile(FLAGS_output + "/report.html", ToHtml(report), &error)) {
+  if (!WriteRunFile(InOutput("report.html"), ToHtml(report), &error)) {
     Warn(error);
   }
 }
@@ -132,7 +131,7 @@ void FinishReport(HtmlReport report, const std::vector<Picture>& pictures) {
   WriteReport(report);
   DrawPictures(pictures);
   for (const Picture& picture : pictures) {
-    if (!FLAGS_plots || picture.caption.empty()) continue;
+    if (!Output().plots || picture.caption.empty()) continue;
     report.images.push_back({picture.path_png, picture.caption});
   }
   if (!report.images.empty()) WriteReport(report);

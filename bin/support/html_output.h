@@ -1,7 +1,6 @@
 // DIR/report.html of a run: what all programs put into it, and when they write
 // it. A report that cannot be written is a warning, as a picture is: tables and
-// files have the results. A program has the flags --plots, --output and
-// --overwrite if it uses this file.
+// files have the results.
 #ifndef BIN_SUPPORT_HTML_OUTPUT_H_
 #define BIN_SUPPORT_HTML_OUTPUT_H_
 

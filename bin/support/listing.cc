@@ -69,16 +69,18 @@ std::string SamplesText(const std::string& problem) {
              : fmt::format(" Samples: one at a time ({}).", why_no_lanes);
 }
 
+std::string ProblemText(const ProblemRow& row) {
+  return RowText(Format::kText,
+                 row.name,
+                 row.equation + "  [" + row.source + "]",
+                 row.options());
+}
+
 }  // namespace
 
 std::string Listing() {
   std::string text = "Problems (--problem=name:key=value:...)\n";
-  for (const ProblemRow& row : Problems()) {
-    text += RowText(Format::kText,
-                    row.name,
-                    row.equation + "  [" + row.source + "]",
-                    row.options());
-  }
+  for (const ProblemRow& row : Problems()) text += ProblemText(row);
   return text +
          "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
          "every rule\n" +
@@ -102,12 +104,16 @@ std::string Listing() {
 }
 
 std::string EstimateListing() {
-  return "Rules (--methods=name:key=value:...,...)\n" +
+  std::string text = "Problems (--problems=name:key=value:...,...)\n";
+  for (const ProblemRow& row : Problems()) {
+    if (row.is_least_squares) text += ProblemText(row);
+  }
+  return text + "\nRules (--methods=name:key=value:...,...)\n" +
          RowTexts(Format::kText, Rules()) +
          "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
-         "rule propose steps.\nlinear_solver is, where nothing is said, "
-         "dense_qr for NIST, a Schur complement for BAL,\n"
-         "sparse_normal_cholesky for g2o\n" +
+         "rule propose steps.\nlinear_solver is the input's own where nothing "
+         "is "
+         "said\n" +
          RowTexts(Format::kText, CeresMethods());
 }
 

@@ -8,7 +8,7 @@
 namespace invgrad {
 
 std::string Listing();
-// The methods of `estimate`, which need no network.
+// The least-squares problems, and the methods that need no network.
 std::string EstimateListing();
 
 std::string RulesMarkdown();

@@ -5,10 +5,7 @@
 #include <string>
 
 #include "ceres/iteration_callback.h"
-#include "gflags/gflags.h"
 #include "report/progress.h"
-
-DECLARE_bool(progress);
 
 namespace invgrad {
 

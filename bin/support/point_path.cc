@@ -5,10 +5,10 @@
 #include <optional>
 #include <utility>
 
-#include "bin/support/counted_simulator.h"
 #include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
+#include "invgrad/chain/counted_simulator.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/method.h"
 
@@ -98,23 +98,29 @@ bool TracePath(const PointProblem& problem,
   }
   // An iteration that failed has no point.
   if (recorder.has_value()) path->calls.resize(path->x.size(), kNan);
-  const auto& iterations = path->summary.iterations;
   // A failed step is not in the path: the last point is the last good one.
-  for (size_t k = 0; k < path->x.size(); ++k) {
-    const Eigen::VectorXd& x = path->x[k];
+  for (const Eigen::VectorXd& x : path->x) {
     objective.SetState(x);
     path->y.push_back(objective.Outputs());
     double loss = 0.0;
     std::string ignored;
     path->loss.push_back(objective.Cost(&loss, &ignored) ? loss : kNan);
-    path->distance.push_back(
-        problem.minimizer.has_value() ? (x - *problem.minimizer).norm() : kNan);
+  }
+  SetDistancesAndTimes(problem, path);
+  path->status = Status(path->summary);
+  return true;
+}
+
+void SetDistancesAndTimes(const PointProblem& problem, PointPath* path) {
+  const auto& iterations = path->summary.iterations;
+  for (size_t k = 0; k < path->x.size(); ++k) {
+    path->distance.push_back(problem.minimizer.has_value()
+                                 ? (path->x[k] - *problem.minimizer).norm()
+                                 : kNan);
     path->seconds.push_back(k < iterations.size()
                                 ? iterations[k].cumulative_time_in_seconds
                                 : kNan);
   }
-  path->status = Status(path->summary);
-  return true;
 }
 
 bool WritePathCsv(const std::string& prefix,

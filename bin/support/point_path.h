@@ -4,7 +4,7 @@
 //
 // With more than kMaxPrintedSize unknowns: iteration, L, |x|, |x - x*| and
 // seconds, then calls if the simulator does not form its Jacobian: the values
-// and products that the method has computed until then (counted_simulator.h);
+// and products that the method has computed until then (chain/counted_simulator.h);
 // the calls of a known inverse are not counted. |x - x*| is nan if x* is not
 // known.
 #ifndef BIN_SUPPORT_POINT_PATH_H_
@@ -54,6 +54,9 @@ bool TracePath(const PointProblem& problem,
                MinimizerOptions options,
                PointPath* path,
                std::string* error);
+
+// Sets what follows from x and the summary.
+void SetDistancesAndTimes(const PointProblem& problem, PointPath* path);
 
 // Writes the columns above to PREFIX + METHOD.csv.
 bool WritePathCsv(const std::string& prefix,

@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "bin/support/output_options.h"
 #include "fmt/core.h"
 #include "invgrad/core/blas_kernels.h"
 #include "invgrad/io/atomic_file.h"
@@ -160,6 +161,19 @@ void WaitForRanks() {
 #endif
 }
 
+bool RunShareOfRank(int num_runs,
+                    const std::function<bool(int number)>& run,
+                    std::string* error) {
+  if (NumRanks() == 1) return true;
+  bool is_good = true;
+  for (int i = ranks->rank(); i < num_runs; i += NumRanks()) {
+    if (Interrupt::IsRequested()) break;
+    is_good = is_good && run(i);
+  }
+  WaitForRanks();
+  return ranks->Agree(is_good, error);
+}
+
 bool IsSameOnRanks(const std::string& what,
                    const std::string& text,
                    std::string* error) {
@@ -185,17 +199,16 @@ bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,
                                 const RunIdentity& identity,
                                 std::string* error) {
   if (NumRanks() == 1) return PrepareRunDirectory(existing, identity, error);
-  SetDefaultOutput();
+  const std::string& output = Output().output;
   // A new name, one that the next run removes if this one is killed.
   std::error_code failure;
-  const bool is_new = !fs::exists(FLAGS_output, failure);
+  const bool is_new = !fs::exists(output, failure);
   const auto now = std::chrono::system_clock::now().time_since_epoch().count();
   const std::string token = ranks->GatherTexts(
-      fmt::format("{}/flags.txt.tmp{}-{}", FLAGS_output, getpid(), now))[0];
+      fmt::format("{}/flags.txt.tmp{}-{}", output, getpid(), now))[0];
   bool is_good = true;
   if (IsFirstRank()) {
-    is_good =
-        MakeDirectories(FLAGS_output, error) && WriteFile(token, "", error);
+    is_good = MakeDirectories(output, error) && WriteFile(token, "", error);
   }
   is_good = ranks->Agree(is_good, error);
   if (is_good) {
@@ -205,14 +218,14 @@ bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,
         "--output={}: rank {} on {} does not see what rank 0 has written "
         "there; "
         "it must be a directory that all machines share",
-        FLAGS_output,
+        output,
         ranks->rank(),
         HostName());
     is_good = ranks->Agree(is_good, error);
   }
   if (IsFirstRank()) {
     fs::remove(token, failure);
-    if (!is_good && is_new) fs::remove(FLAGS_output, failure);
+    if (!is_good && is_new) fs::remove(output, failure);
     if (is_good) is_good = PrepareRunDirectory(existing, identity, error);
   }
   return ranks->Agree(is_good, error);

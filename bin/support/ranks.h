@@ -8,6 +8,7 @@
 #ifndef BIN_SUPPORT_RANKS_H_
 #define BIN_SUPPORT_RANKS_H_
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -57,6 +58,13 @@ bool IsSameOnRanks(const std::string& what,
 
 // Waits until all ranks are here, without using the processor.
 void WaitForRanks();
+
+// On several ranks, each takes every NumRanks()th of the runs, for the files that
+// they leave, until a signal; returns when all ranks have done so. False on all
+// ranks, with *error, if a run is false on one. In one process it does nothing.
+bool RunShareOfRank(int num_runs,
+                    const std::function<bool(int number)>& run,
+                    std::string* error);
 
 // PrepareRunDirectory by rank 0, in a directory that all ranks see; otherwise
 // false on all ranks, with *error, and the directory is as it was.

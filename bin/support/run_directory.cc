@@ -14,15 +14,11 @@
 #include <system_error>
 #include <vector>
 
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "bin/support/versions.h"
 #include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
-
-DEFINE_string(output,
-              "",
-              "directory of the results; empty: runs/ and the program's name");
-DEFINE_bool(overwrite, false, "replace the files of an earlier run");
 
 namespace invgrad {
 namespace {
@@ -35,7 +31,8 @@ constexpr char kFileList[] = "files.txt";
 
 // A resumed run may be longer than the first one, look at other levels or
 // values, and use other numbers of processes and threads.
-constexpr std::string_view kBudgetFlags[] = {"epochs", "steps", "seconds"};
+constexpr std::string_view kBudgetFlags[] = {
+    "epochs", "steps", "seconds", "max_iterations"};
 constexpr std::string_view kFlagsThatMayChange[] = {"output",
                                                     "checkpoint_seconds",
                                                     "levels",
@@ -324,36 +321,34 @@ bool PrepareRunDirectory(const std::string& path,
 bool PrepareRunDirectory(ExistingDirectory existing,
                          const RunIdentity& identity,
                          std::string* error) {
-  SetDefaultOutput();
-  if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
+  if (Output().overwrite) existing = ExistingDirectory::kOverwrite;
   return PrepareRunDirectory(
-      FLAGS_output, existing, identity, FlagsOfRun(), error);
+      Output().output, existing, identity, FlagsOfRun(), error);
+}
+
+bool CheckResume(bool resume, std::string* error) {
+  if (!resume || !Output().overwrite) return true;
+  *error = "--resume=true is not allowed with --overwrite";
+  return false;
 }
 
 bool JoinRunDirectory(const RunIdentity& identity, std::string* error) {
-  SetDefaultOutput();
+  const std::string& output = Output().output;
   Contents contents;
-  if (!NameFlag("output",
-                FindContents(FLAGS_output, &contents, error) &&
-                    IsSameRun(FLAGS_output + '/' + kFlagFile,
-                              identity,
-                              FlagsOfRun(),
-                              error),
-                error)) {
+  if (!NameFlag(
+          "output",
+          FindContents(output, &contents, error) &&
+              IsSameRun(
+                  output + '/' + kFlagFile, identity, FlagsOfRun(), error),
+          error)) {
     return false;
   }
-  ThisRun() = {FLAGS_output, contents.listed};
+  ThisRun() = {output, contents.listed};
   return true;
 }
 
-void SetDefaultOutput() {
-  if (FLAGS_output.empty()) {
-    FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
-  }
-}
-
 std::string InOutput(const std::string& name) {
-  return FLAGS_output + '/' + name;
+  return Output().output + '/' + name;
 }
 
 bool ListRunFile(const std::string& path, std::string* error) {

@@ -5,18 +5,14 @@
 //   versions.txt   versions of program and libraries
 //   files.txt      the names of the files that the run writes
 //
-// A program has the flags --output and --overwrite if it uses this file.
+// The directory is that of SetOutput (output_options.h).
 #ifndef BIN_SUPPORT_RUN_DIRECTORY_H_
 #define BIN_SUPPORT_RUN_DIRECTORY_H_
 
 #include <string>
 #include <string_view>
 
-#include "gflags/gflags.h"
 #include "invgrad/train/run_identity.h"
-
-DECLARE_string(output);
-DECLARE_bool(overwrite);
 
 namespace invgrad {
 
@@ -35,8 +31,8 @@ bool PrepareRunDirectory(const std::string& path,
                          const std::string& flags,
                          std::string* error);
 
-// The same for --output, by default runs/PROGRAM, with the program's flags.
-// --overwrite takes precedence over `existing`.
+// The same for --output, with the program's flags. --overwrite takes precedence
+// over `existing`.
 bool PrepareRunDirectory(ExistingDirectory existing,
                          const RunIdentity& identity,
                          std::string* error);
@@ -45,13 +41,13 @@ inline bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(existing, RunIdentity(), error);
 }
 
+// Returns false, with *error, if --resume is given beside --overwrite.
+bool CheckResume(bool resume, std::string* error);
+
 // For a process beside others that write parts of the same run: checks that
 // --output is the directory of a run with these flags and this identity, as
 // kResume does, and changes nothing.
 bool JoinRunDirectory(const RunIdentity& identity, std::string* error);
-
-// Sets --output if it is empty.
-void SetDefaultOutput();
 
 // "OUTPUT/NAME"
 std::string InOutput(const std::string& name);

@@ -9,13 +9,12 @@
 #include <limits>
 #include <numeric>
 
+#include "bin/support/output_options.h"
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
 #include "report/interrupt.h"
-
-DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
 
@@ -40,7 +39,7 @@ bool WriteTable(const std::string& path,
 }
 
 void DrawPictures(const std::vector<Picture>& pictures) {
-  if (!FLAGS_plots) return;
+  if (!Output().plots) return;
   std::cout << std::flush;  // before what may take long
   const int signal_before = Interrupt::Signal();
   double max_seconds = 60.0;

@@ -1,5 +1,4 @@
-// What a run leaves in its directory (run_directory.h): tables and pictures. A
-// program has the flag --plots if it uses this file.
+// What a run leaves in its directory (run_directory.h): tables and pictures.
 #ifndef BIN_SUPPORT_RUN_OUTPUT_H_
 #define BIN_SUPPORT_RUN_OUTPUT_H_
 

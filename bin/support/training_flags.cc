@@ -268,4 +268,31 @@ TrainOptions TrainingFlags::Options(int batch_size_of_run, int seed) const {
   return options;
 }
 
+bool CheckNoTraining(bool takes_threads, std::string* error) {
+  for (const std::string name : {"hidden",
+                                 "activation",
+                                 "initialization",
+                                 "torch_script",
+                                 "epochs",
+                                 "batch_size",
+                                 "shuffle",
+                                 "threads",
+                                 "cpu_time",
+                                 "checkpoint_seconds",
+                                 "target_loss",
+                                 "patience",
+                                 "init_weights"}) {
+    gflags::CommandLineFlagInfo flag;
+    if (!gflags::GetCommandLineFlagInfo(name.c_str(), &flag) ||
+        flag.current_value == flag.default_value ||
+        (takes_threads && name == "threads")) {
+      continue;
+    }
+    *error = fmt::format(
+        "--{}={} needs a problem with a network", name, flag.current_value);
+    return false;
+  }
+  return true;
+}
+
 }  // namespace invgrad

@@ -78,6 +78,10 @@ struct TrainingFlags {
   TrainOptions Options(int batch_size_of_run, int seed) const;
 };
 
+// For a problem without a network: returns false, with *error, if a flag of the
+// program is given that is for training.
+bool CheckNoTraining(bool takes_threads, std::string* error);
+
 }  // namespace invgrad
 
 #endif  // BIN_SUPPORT_TRAINING_FLAGS_H_

@@ -1,8 +1,6 @@
 #include "bin/sweep/plan.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <map>
 
 #include "bin/support/learning_run.h"
@@ -15,64 +13,6 @@
 
 namespace invgrad {
 namespace {
-
-// Without the spaces around it.
-std::string Trimmed(const std::string& text) {
-  constexpr char kSpace[] = " \t\r\n";
-  const size_t begin = text.find_first_not_of(kSpace);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
-}
-
-// The trimmed pieces between the separators.
-std::vector<std::string> Split(const std::string& text, char separator) {
-  std::vector<std::string> pieces;
-  for (size_t begin = 0, end = 0; end < text.size() || pieces.empty();
-       begin = end + 1) {
-    end = std::min(text.find(separator, begin), text.size());
-    pieces.push_back(Trimmed(text.substr(begin, end - begin)));
-  }
-  return pieces;
-}
-
-// True if `choice` is the smallest or the largest of the numbers.
-bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
-  std::vector<double> numbers(values.size());
-  for (size_t i = 0; i < values.size(); ++i) {
-    if (!ParseFinite(values[i], &numbers[i])) return false;
-  }
-  const auto [low, high] = std::minmax_element(numbers.begin(), numbers.end());
-  return *low < *high && (numbers[choice] == *low || numbers[choice] == *high);
-}
-
-// A part of a method: the name of a phase's rule, or a setting of it.
-struct Piece {
-  std::string mark;  // the separator before it: "", ">" or ":"
-  std::string name;
-  std::vector<std::string> values;  // of a setting; several: alternatives
-
-  std::string Text(size_t k) const {
-    return name + (values.empty() ? "" : "=" + values[k]);
-  }
-};
-
-// The parts of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
-std::vector<Piece> Pieces(const std::string& method) {
-  std::vector<Piece> pieces;
-  for (const std::string& phase : Split(method, '>')) {
-    std::string mark = pieces.empty() ? "" : ">";
-    for (const std::string& part : Split(phase, ':')) {
-      const size_t equals = part.find('=');
-      Piece piece{mark, Trimmed(part.substr(0, equals)), {}};
-      if (equals != std::string::npos) {
-        piece.values = Split(part.substr(equals + 1), '|');
-      }
-      pieces.push_back(piece);
-      mark = ":";
-    }
-  }
-  return pieces;
-}
 
 bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -98,7 +38,7 @@ class Planner {
   }
 
   bool CheckBase() {
-    std::shared_ptr<const LearningProblem> problem;
+    std::shared_ptr<const PhysicsProblem> problem;
     if (!NameFlag(
             "problem", FindProblem(base_.problem, {}, &problem), error_)) {
       return false;
@@ -107,6 +47,7 @@ class Planner {
     for (const auto& row : invgrad::FindProblem(name)->options()) {
       problem_options_.push_back(row.name);
     }
+    is_training_ = problem->learning.has_value();
     if (FindProblem(base_.problem, base_.network, &problem)) return true;
     *error_ = "--" + *error_;
     return false;
@@ -149,9 +90,12 @@ class Planner {
   // least one of its values.
   bool CheckAxes() {
     std::vector<std::string> names = problem_options_;
-    names.insert(names.end(), {"rule", "seed", "batch_size"});
-    const std::vector<std::string>& network = NetworkSettings::Names();
-    names.insert(names.end(), network.begin(), network.end());
+    names.insert(names.end(), {"rule", "seed"});
+    if (is_training_) {
+      const std::vector<std::string>& network = NetworkSettings::Names();
+      names.insert(names.end(), network.begin(), network.end());
+      names.emplace_back("batch_size");
+    }
     for (const GridAxis& axis : axes()) {
       if (Contains(names, axis.name)) continue;
       std::string reasons;  // of each rule, why the axis does not apply
@@ -216,12 +160,12 @@ class Planner {
       if (name == "rule") continue;
       if (name == "seed") {
         job->seed = std::stoi(value);
-      } else if (name == "batch_size") {
+      } else if (is_training_ && name == "batch_size") {
         batch_size = 0;
         OptionSet set;
         set.Add(name, &batch_size, {0, 1e9}, "");
         if (!set.Set(name, value, error_)) return false;
-      } else if (network.Find(name) != nullptr) {
+      } else if (is_training_ && network.Find(name) != nullptr) {
         *network.Find(name) = value;
         directory += setting + "-";
       } else if (Contains(problem_options_, name)) {
@@ -232,44 +176,55 @@ class Planner {
       }
     }
     if (!FindProblem(problem, network, &job->problem) ||
-        !ParseMethod(method, &job->method, error_) ||
-        !CheckBatches(*job->problem, {job->method}, batch_size, error_)) {
+        !ParseMethod(method, &job->method, error_)) {
       return false;
     }
-    job->batch_size = BatchSize(*job->problem, batch_size);
-    std::string sizes;  // "256+32": of all phases
-    for (const Phase& phase : job->method.phases) {
-      sizes += fmt::format(
-          "{}{}",
-          sizes.empty() ? "" : "+",
-          phase.BatchSize(job->batch_size, job->problem->train.num_samples()));
-    }
+    std::string batches;
+    if (is_training_ && !SetBatches(batch_size, job, &batches)) return false;
     job->name = fmt::format(
-        "{}{}-batch{}-seed{}", directory, job->method.label, sizes, job->seed);
+        "{}{}{}-seed{}", directory, job->method.label, batches, job->seed);
+    return true;
+  }
+
+  // *text: "-batch256+32", of all phases.
+  bool SetBatches(int batch_size, SweepJob* job, std::string* text) {
+    if (!CheckBatches(job->learning(), {job->method}, batch_size, error_)) {
+      return false;
+    }
+    job->batch_size = BatchSize(job->learning(), batch_size);
+    for (const Phase& phase : job->method.phases) {
+      *text +=
+          fmt::format("{}{}",
+                      text->empty() ? "-batch" : "+",
+                      phase.BatchSize(job->batch_size,
+                                      job->learning().train.num_samples()));
+    }
     return true;
   }
 
   // Makes each problem once, and each of its networks.
   bool FindProblem(const std::string& specification,
                    const NetworkSettings& network,
-                   std::shared_ptr<const LearningProblem>* problem) {
-    std::shared_ptr<const LearningProblem>& own = problems_[specification];
+                   std::shared_ptr<const PhysicsProblem>* problem) {
+    std::shared_ptr<const PhysicsProblem>& own = problems_[specification];
     if (own == nullptr) {
-      auto created = std::make_shared<LearningProblem>();
-      if (!CreateLearningProblem(specification, created.get(), error_)) {
+      auto created = std::make_shared<PhysicsProblem>();
+      if (!CreateProblem(specification, nullptr, created.get(), error_)) {
         return false;
       }
       own = created;
     }
-    std::shared_ptr<const LearningProblem>& known =
+    *problem = own;
+    if (!own->learning.has_value()) return true;
+    std::shared_ptr<const PhysicsProblem>& known =
         problems_[fmt::format("{};{};{};{}",
                               specification,
                               network.hidden,
                               network.activation,
                               network.initialization)];
     if (known == nullptr) {
-      auto changed = std::make_shared<LearningProblem>(*own);
-      if (!SetNetwork(network, changed.get(), error_)) return false;
+      auto changed = std::make_shared<PhysicsProblem>(*own);
+      if (!SetNetwork(network, &*changed->learning, error_)) return false;
       known = changed;
     }
     *problem = known;
@@ -292,88 +247,15 @@ class Planner {
   SweepPlan* plan_;
   std::string* error_;
 
+  bool is_training_ = false;  // whether the problem has a network
   std::vector<std::string> problem_options_;
   // For an option of rules, which rules have it.
   std::map<std::string, std::vector<bool>> takers_;
-  std::map<std::string, std::shared_ptr<const LearningProblem>> problems_;
+  std::map<std::string, std::shared_ptr<const PhysicsProblem>> problems_;
   std::map<std::string, int> job_numbers_;
 };
 
 }  // namespace
-
-int Grid::Find(const std::string& name) const {
-  for (size_t k = 0; k < axes.size(); ++k) {
-    if (axes[k].name == name) return static_cast<int>(k);
-  }
-  return -1;
-}
-
-bool ParseGrid(const std::string& text, Grid* grid, std::string* error) {
-  grid->axes.clear();
-  const auto refuse = [error](const std::string& message) {
-    *error = "--grid: " + message;
-    return false;
-  };
-  for (const std::string& part : Split(text, ';')) {
-    const size_t equals = part.find('=');
-    GridAxis axis{Trimmed(part.substr(0, equals)), {}};
-    if (equals == std::string::npos || axis.name.empty()) {
-      return refuse("expected an axis, name=value,value, found '" + part + "'");
-    }
-    if (grid->Find(axis.name) >= 0) {
-      return refuse("the axis '" + axis.name + "' is given twice");
-    }
-    for (const std::string& value : Split(part.substr(equals + 1), ',')) {
-      if (value.empty()) {
-        return refuse("the axis '" + axis.name + "' has an empty value");
-      }
-      if (axis.name != "rule" && value.find('|') != std::string::npos) {
-        return refuse("'" + value +
-                      "': '|' is for alternatives of a rule's setting; "
-                      "expected ',' between values");
-      }
-      if (value != "..." &&
-          std::count(axis.values.begin(), axis.values.end(), value) > 0) {
-        return refuse(fmt::format(
-            "the value '{}' of '{}' is given twice", value, axis.name));
-      }
-      axis.values.push_back(value);
-    }
-    grid->axes.push_back(axis);
-  }
-  return true;
-}
-
-std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
-  std::vector<RuleAlternative> all = {RuleAlternative()};
-  for (const Piece& piece : Pieces(rule)) {
-    std::vector<RuleAlternative> longer;
-    for (const RuleAlternative& before : all) {
-      for (size_t k = 0; k < std::max<size_t>(piece.values.size(), 1); ++k) {
-        RuleAlternative alternative = before;
-        alternative.specification += piece.mark + piece.Text(k);
-        if (piece.values.size() > 1) {
-          alternative.chosen += alternative.chosen.empty() ? "" : ":";
-          alternative.chosen += piece.Text(k);
-          if (IsAtEdge(piece.values, k)) {
-            alternative.at_edge.push_back(piece.name);
-          }
-        }
-        longer.push_back(alternative);
-      }
-    }
-    all = longer;
-  }
-  return all;
-}
-
-bool ParseFinite(const std::string& text, double* number) {
-  const char* const end = text.data() + text.size();
-  const std::from_chars_result result =
-      std::from_chars(text.data(), end, *number);
-  return result.ec == std::errc() && result.ptr == end &&
-         std::isfinite(*number);
-}
 
 bool MakeSweepPlan(const SweepBase& base,
                    const Grid& grid,

@@ -51,8 +51,9 @@ std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
     for (const std::string& value : values) {
       double number = 0.0;
       axis.is_numeric = axis.is_numeric && ParseFinite(value, &number);
-      if (name == "batch_size" && number == 0.0) {  // all samples
-        number = plan.jobs[0].problem->train.num_samples();
+      if (plan.jobs[0].is_training() && name == "batch_size" &&
+          number == 0.0) {  // all samples
+        number = plan.jobs[0].learning().train.num_samples();
       }
       axis.positions.push_back(number);
     }

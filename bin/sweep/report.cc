@@ -73,11 +73,13 @@ HtmlReport::Chart CurveChart(const SweepResults& results,
     chart.caption += fmt::format(
         " The first {} of {} points of the grid.", kMaxPoints, groups.size());
   }
+  const std::string seconds =
+      results.plan.jobs[0].is_training() ? "seconds of training" : "seconds";
   for (size_t g = 0; g < std::min(groups.size(), kMaxPoints); ++g) {
     for (const bool against_seconds : {true, false}) {
       Plot& view = chart.views.emplace_back();
       view.title = groups[g].first;
-      view.x_label = against_seconds ? "seconds of training" : "step";
+      view.x_label = against_seconds ? seconds : "step";
       view.y_label = results.value.name;
       view.log_x = view.log_y = true;
       for (const SweepBest* best : groups[g].second) {

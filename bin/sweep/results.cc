@@ -23,16 +23,20 @@ bool FindSweepValue(const SweepPlan& plan,
                     std::string* error) {
   bool has_metric = true, has_test = true;
   for (const SweepJob& job : plan.jobs) {
-    has_metric = has_metric && job.problem->metric.has_value();
-    has_test = has_test && job.problem->test.num_samples() > 0;
+    has_metric =
+        has_metric && job.is_training() && job.learning().metric.has_value();
+    has_test =
+        has_test && job.is_training() && job.learning().test.num_samples() > 0;
   }
   const bool is_auto = name == "auto";
   if (has_metric && (name == "metric" || is_auto)) {
-    *value = {plan.jobs[0].problem->metric->name, &HistoryRow::metric, tail};
+    *value = {plan.jobs[0].learning().metric->name, &HistoryRow::metric, tail};
   } else if (has_test && (name == "test_loss" || is_auto)) {
     *value = {"test loss", &HistoryRow::test_loss, tail};
   } else if (name == "train_loss" || is_auto) {
-    *value = {"train loss", &HistoryRow::train_loss, tail};
+    const bool is_training = plan.jobs[0].is_training();
+    *value = {
+        is_training ? "train loss" : "cost", &HistoryRow::train_loss, tail};
   } else {
     *error =
         fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",

@@ -1,6 +1,8 @@
 // The results of a sweep: one line per run, and the best alternative of every
 // rule at every point of the grid.
 //
+// A minimization counts as a training run: its cost is the train loss.
+//
 // The value of a run is its last one, or the mean over the last part of its
 // history, by the seconds of training. The best alternative has the lowest
 // median over the seeds (SeedSpread in bin/support/run_output.h), the first one

@@ -1,4 +1,4 @@
-// The program sweep: every rule at every point of a grid of settings. One run
+// The program sweep: every method at every point of a grid of settings. One run
 // follows the other; a second call goes on with what is missing. On the ranks of
 // mpirun each takes the next run of the list in turn.
 
@@ -14,13 +14,14 @@
 #include "bin/support/flags.h"
 #include "bin/support/html_output.h"
 #include "bin/support/learning_run.h"
-#include "bin/support/learning_run_files.h"
 #include "bin/support/listing.h"
-#include "bin/support/live_run.h"
+#include "bin/support/output_options.h"
+#include "bin/support/point_run.h"
 #include "bin/support/program.h"
 #include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
+#include "bin/sweep/job_run.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
 #include "bin/sweep/report.h"
@@ -30,7 +31,6 @@
 #include "invgrad/blas_threads.h"
 #include "invgrad/compare/compare.h"
 #include "report/interrupt.h"
-#include "report/progress.h"
 
 namespace invgrad {
 namespace {
@@ -47,6 +47,7 @@ struct SweepOptions {
   bool collect = false;
   int blas_threads = 1;
   TrainingFlags training;
+  OutputOptions output;
 
   void AddFlags();
 };
@@ -83,58 +84,7 @@ void SweepOptions::AddFlags() {
   AddFlag(
       "blas_threads", &blas_threads, "threads of the linear algebra of a run");
   training.Add();
-}
-
-LearningRunOptions OptionsOf(const SweepJob& job) {
-  LearningRunOptions options;
-  options.train = Options().training.Options(job.batch_size, job.seed);
-  options.train.initial_weights = InitialWeights(*job.problem, job.seed);
-  options.directory = InOutput("jobs/" + job.name);
-  return options;
-}
-
-// Reads the run of a job if it is done. Returns whether the job is to run: not
-// if its files are damaged or of another run, which it leaves as they are.
-bool LoadRun(const SweepJob& job, SweepRun* run) {
-  LearningRunResult result;
-  std::string error;
-  const bool is_complete = LoadCompleteRun(
-      *job.problem, job.method, OptionsOf(job), &result, &error);
-  if (!error.empty()) {
-    run->status = "damaged: " + error;
-    return false;
-  }
-  if (!result.summary.message.empty()) run->status = result.summary.message;
-  if (is_complete) run->result = std::move(result);
-  return !is_complete;
-}
-
-// Runs a job that is to run, or goes on with it.
-void RunJob(const SweepPlan& plan, int number, SweepRun* run) {
-  const SweepJob& job = plan.jobs[number];
-  LearningRunOptions options = OptionsOf(job);
-  Progress progress;
-  ProgressState state;
-  state.label = fmt::format("{}/{} {}", number + 1, plan.jobs.size(), job.name);
-  options.on_step = [&](const TrainingRun& training) {
-    state.step = training.step();
-    state.loss = training.history().back().train_loss;
-    state.epoch = training.epoch();
-    state.fraction = training.progress();
-    return ShowProgress(state, &progress);
-  };
-  LearningRunResult result;
-  std::string error;
-  if (!RunLearning(*job.problem, job.method, options, &result, &error)) {
-    run->status = "not run: " + error;
-    return;
-  }
-  if (result.summary.termination_type == ceres::USER_SUCCESS) {
-    run->status = "interrupted";  // to go on with
-    return;
-  }
-  run->status = result.summary.message;
-  run->result = std::move(result);
+  output.AddFlags();
 }
 
 // "sweep --steps=200 --job=3": for a shell.
@@ -153,7 +103,7 @@ std::string JobCommand(int number) {
 bool ListFiles(const SweepPlan& plan, std::string* error) {
   return std::all_of(
       plan.jobs.begin(), plan.jobs.end(), [error](const SweepJob& job) {
-        return ListRunFiles(OptionsOf(job).directory, error);
+        return ListJob(job, Options().training, error);
       });
 }
 
@@ -161,7 +111,8 @@ bool ListFiles(const SweepPlan& plan, std::string* error) {
 std::vector<SweepRun> LoadRuns(const SweepPlan& plan,
                                const std::string& missing) {
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, missing});
-  for (size_t i = 0; i < runs.size(); ++i) LoadRun(plan.jobs[i], &runs[i]);
+  for (size_t i = 0; i < runs.size(); ++i)
+    LoadJob(plan.jobs[i], Options().training, &runs[i]);
   return runs;
 }
 
@@ -169,7 +120,8 @@ std::vector<SweepRun> LoadRuns(const SweepPlan& plan,
 void PrintBefore(const SweepPlan& plan) {
   std::set<std::string> warned;
   for (const SweepJob& job : plan.jobs) {
-    const int num_samples = job.problem->train.num_samples();
+    if (!job.is_training()) continue;
+    const int num_samples = job.learning().train.num_samples();
     WarnOfLeftOutSamples(job.method, job.batch_size, num_samples, &warned);
   }
   const std::vector<SweepRun> before = LoadRuns(plan, "");
@@ -203,9 +155,8 @@ void CollectFromRanks(const SweepPlan& plan, std::vector<SweepRun>* runs) {
       (*runs)[i].status = line.substr(1);
       if (line[0] == '-') continue;
       constexpr double kMaxSeconds = 60.0;  // until NFS shows a file
-      WaitForFile(OptionsOf(plan.jobs[i]).directory + "/result.txt",
-                  kMaxSeconds);
-      LoadRun(plan.jobs[i], &(*runs)[i]);
+      WaitForFile(LastFileOf(plan.jobs[i]), kMaxSeconds);
+      LoadJob(plan.jobs[i], Options().training, &(*runs)[i]);
     }
   }
 }
@@ -225,9 +176,10 @@ std::vector<SweepRun> RunAll(const SweepPlan& plan, const SweepValue& value) {
   };
   const int first = ProgramRanks() == nullptr ? 0 : ProgramRanks()->rank();
   for (size_t i = first; i < runs.size(); i += NumRanks()) {
-    if (LoadRun(plan.jobs[i], &runs[i]) && !Interrupt::IsRequested()) {
+    if (LoadJob(plan.jobs[i], Options().training, &runs[i]) &&
+        !Interrupt::IsRequested()) {
       if (IsFirstRank()) live.Update(make_report);
-      RunJob(plan, static_cast<int>(i), &runs[i]);
+      RunJob(plan, static_cast<int>(i), Options().training, &runs[i]);
     }
   }
   if (NumRanks() > 1) CollectFromRanks(plan, &runs);
@@ -256,7 +208,7 @@ bool Report(const SweepPlan& plan,
       !WriteTable(InOutput("table"), table, error)) {
     return false;
   }
-  std::cout << "results in " << FLAGS_output << "\n";
+  std::cout << "results in " << Output().output << "\n";
   const std::vector<Plot> lines = SweepLines(results);
   const std::vector<Plot> maps = SweepHeatMaps(results);
   FinishReport(SweepReport(results,
@@ -303,7 +255,16 @@ bool Check(SweepOptions* options,
       !MakeSweepPlan(base, grid, plan, error)) {
     return false;
   }
-  options->training.SetDefaultBudget(*plan->jobs[0].problem);
+  const PhysicsProblem& problem = *plan->jobs[0].problem;
+  if (problem.learning.has_value()) {
+    options->training.SetDefaultBudget(*problem.learning);
+  } else if (!CheckNoTraining(problem.least_squares.has_value(), error)) {
+    return false;
+  } else if (options->training.steps == 0 && options->training.seconds == 0.0) {
+    options->training.steps = problem.least_squares.has_value()
+                                  ? problem.least_squares->max_num_iterations
+                                  : PointBudget().max_num_iterations;
+  }
   const double last_job = static_cast<double>(plan->jobs.size()) - 1.0;
   return CheckFlags({{"job", {-1.0, last_job}}}, error) &&
          FindSweepValue(*plan, options->value, options->tail, value, error);
@@ -314,10 +275,11 @@ bool Prepare(const SweepOptions& options,
              const SweepPlan& plan,
              std::string* error) {
   RunIdentity identity;
-  if (std::any_of(plan.jobs.begin(), plan.jobs.end(), [](const SweepJob& job) {
+  if (plan.jobs[0].is_training() &&
+      std::any_of(plan.jobs.begin(), plan.jobs.end(), [](const SweepJob& job) {
         return job.method.ReadsProgress();
       })) {
-    identity.AddBudget(OptionsOf(plan.jobs[0]).train);
+    identity.AddBudget(OptionsOf(plan.jobs[0], options.training).train);
   }
   if (options.job >= 0 || options.collect) {
     return NameFlag(options.collect ? "collect" : "job",
@@ -333,7 +295,8 @@ bool Prepare(const SweepOptions& options,
 void RunOne(const SweepPlan& plan, int number, RunCounts* counts) {
   SweepRun run;
   const SweepJob& job = plan.jobs[number];
-  if (LoadRun(job, &run)) RunJob(plan, number, &run);
+  const TrainingFlags& flags = Options().training;
+  if (LoadJob(job, flags, &run)) RunJob(plan, number, flags, &run);
   counts->Add(run.result.has_value() && !run.result->has_failed());
   if (run.result.has_value()) {
     std::cout << job.name << ": " << run.status << "\n";
@@ -344,6 +307,7 @@ void RunOne(const SweepPlan& plan, int number, RunCounts* counts) {
 
 bool Run(RunCounts* counts, std::string* error) {
   SweepOptions& options = Options();
+  SetOutput(&options.output);
   if (options.list) {
     std::cout << Listing();
     return true;

@@ -66,13 +66,16 @@ namespace invgrad {
 // The history of a run: one row per evaluation.
 //
 //   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
-//   0,0,0,,0.25,0.26,,,,,,,,32
-//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,,32
+//   0,0,0,,0.25,0.26,,,,,,,,32,0
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,,32,1024
 //
 // The next columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
 // by_gradient and not_moved: for methods that invert the simulator, the number
 // of samples since the first step by the source of their d_x
-// (simulator_pull_back.h). The last one is batch_size, of the next step.
+// (simulator_pull_back.h). Then there is batch_size, of the next step. The last
+// one is simulator_calls, which the steps have made until then
+// (chain/counted_simulator.h); like the seconds, evaluations of losses do not
+// count. Files without this column are read, too.
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. An unknown value is an empty field (NaN in memory); an
@@ -96,6 +99,7 @@ struct HistoryRow {
   double by_gradient = kNone;
   double not_moved = kNone;
   double batch_size = kNone;
+  double simulator_calls = kNone;
 };
 
 // All columns but the step, in the order of the file.
@@ -116,7 +120,8 @@ inline constexpr HistoryColumn kHistoryColumns[] = {
     {"by_inverse_gradient", &HistoryRow::by_inverse_gradient},
     {"by_gradient", &HistoryRow::by_gradient},
     {"not_moved", &HistoryRow::not_moved},
-    {"batch_size", &HistoryRow::batch_size}};
+    {"batch_size", &HistoryRow::batch_size},
+    {"simulator_calls", &HistoryRow::simulator_calls}};
 
 using History = std::vector<HistoryRow>;
 

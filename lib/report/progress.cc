@@ -58,17 +58,50 @@ Progress::Progress(const Options& options)
 
 void Progress::Update(const ProgressState& state) {
   const double wait = is_terminal_ ? 0.1 : 10.0;  // [s]
+  const std::lock_guard<std::mutex> lock(mutex_);
   const double now = options_.clock();
-  if (!is_begun_) {
-    is_begun_ = true;
+  const bool is_first = !is_begun_;
+  const bool is_first_step = first_.step == ProgressState::kNoStep &&
+                             state.step != ProgressState::kNoStep;
+  if (is_first || is_first_step) {
     first_time_ = now;
     first_ = state;
+  }
+  if (is_first) {
+    is_begun_ = true;
     // On a terminal the first update is written at once.
     last_written_ = is_terminal_ ? now - wait : now;
+    if (has_thread_) thread_ = std::thread(&Progress::TickEverySecond, this);
   }
+  last_ = state;
+  last_time_ = now;
+  WriteIfDue(now, wait, "");
+}
+
+void Progress::Tick() {
+  constexpr double kLong = 5.0;                   // [s]
+  const double wait = is_terminal_ ? 1.0 : 10.0;  // [s]
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const double now = options_.clock();
+  const double of_step = now - last_time_;
+  if (!is_begun_ || of_step < kLong) return;
+  WriteIfDue(now, wait, "  this step " + FormatDuration(of_step));
+}
+
+void Progress::TickEverySecond() {
+  constexpr std::chrono::seconds kPause(1);
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!has_ended_.wait_for(lock, kPause, [this] { return !is_begun_; })) {
+    lock.unlock();
+    Tick();
+    lock.lock();
+  }
+}
+
+void Progress::WriteIfDue(double now, double wait, const std::string& more) {
   if (now - last_written_ < wait) return;
   last_written_ = now;
-  std::string line = Line(state, now);
+  std::string line = Line(now) + more;
   if (is_terminal_) {
     // The last column stays empty, because writing to it makes some terminals
     // wrap.
@@ -85,15 +118,21 @@ void Progress::Update(const ProgressState& state) {
 }
 
 void Progress::Clear() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    is_begun_ = false;
+  }
+  has_ended_.notify_one();
+  if (thread_.joinable()) thread_.join();
   if (width_shown_ > 0) {
     std::fprintf(options_.out, "\r%*s\r", static_cast<int>(width_shown_), "");
     std::fflush(options_.out);
   }
   width_shown_ = 0;
-  is_begun_ = false;
 }
 
-std::string Progress::Line(const ProgressState& state, double now) const {
+std::string Progress::Line(double now) const {
+  const ProgressState& state = last_;
   const double elapsed = now - first_time_;
   std::string line = state.label;
   if (state.step != ProgressState::kNoStep) {
@@ -106,7 +145,8 @@ std::string Progress::Line(const ProgressState& state, double now) const {
     line += fmt::format("  batch {:.0f}", state.batch_size);
   }
   if (!std::isnan(state.loss)) line += "  loss " + FormatNumber(state.loss);
-  if (elapsed > 0.0 && state.step > first_.step) {
+  if (elapsed > 0.0 && first_.step != ProgressState::kNoStep &&
+      state.step > first_.step) {
     line +=
         fmt::format("  {:.3g} steps/s",
                     static_cast<double>(state.step - first_.step) / elapsed);

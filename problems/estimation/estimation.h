@@ -36,6 +36,8 @@ struct EstimationTraits {
       linear_solver;      // the usual one, an option of Ceres' trust regions
   std::string extension;  // of the result file: ".dat"
   int num_starts = 1;
+  // Of the starts, if these are drawn: one each. Empty: starts have numbers.
+  std::vector<int> seeds = {};
   MinimizerOptions budget;  // the usual iterations and tolerances
   // The residuals are divided by their standard deviations. Otherwise a
   // covariance needs their estimated variance.

@@ -99,6 +99,22 @@ void ExpectSameTraining(const Case& of, double tolerance = kTolerance) {
   }
 }
 
+// Each rank counts those of its samples.
+TEST(TrainingCalls, AreThoseOfAllRanks) {
+  const LearningProblem problem = MakeProblem("regression_1d:num_samples=40");
+  for (const std::string method :
+       {"gradient_descent:step_size=1e-3", "half_inverse"}) {
+    const Case of = {"regression_1d", method};
+    const History alone = Train(problem, of, nullptr).history;
+    const History together = Train(problem, of, Ranks()).history;
+    ASSERT_EQ(together.size(), alone.size());
+    for (std::size_t i = 0; i < alone.size(); ++i) {
+      EXPECT_EQ(together[i].simulator_calls, alone[i].simulator_calls) << i;
+    }
+    EXPECT_GE(alone.back().simulator_calls, 2.0 * of.batch_size * of.num_steps);
+  }
+}
+
 class EveryRule : public testing::TestWithParam<std::string> {};
 
 TEST_P(EveryRule, TrainsAsInOneProcess) {

@@ -251,6 +251,31 @@ TEST_F(InstallProgram, ComparesProblemsOfAnApplication) {
   }
 }
 
+// Least-squares problems of a project that is not ours, without any file reader.
+TEST_F(InstallProgram, EstimatesByProblemsOfAnApplication) {
+  Install();
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_);
+  Shell(cmake_ + " --build " + Path("consumer") + " --target own_estimate");
+  const std::string program = Path("consumer") + "/own_estimate";
+  const std::string listing = Shell(program + " --list");
+  EXPECT_NE(listing.find("decay"), std::string::npos) << listing;
+  EXPECT_EQ(listing.find("g2o"), std::string::npos) << listing;
+  const std::string run = program +
+                          " --noplots --noprogress --seeds=1..3 "
+                          "--covariance --output=" +
+                          Path("own");
+  // By default all problems of the program.
+  const std::string first = Shell(run);
+  for (const char* word : {"decay-seed3", "ceres_lm+geodesic", "2 of 2"}) {
+    EXPECT_NE(first.find(word), std::string::npos) << word << first;
+  }
+  EXPECT_EQ(Shell(run + " --resume"), first);
+  const std::string two =
+      Shell(program + " --noplots --noprogress --problems=decay,decay:rate=3" +
+            " --methods=ceres_lm --output=" + Path("two"));
+  EXPECT_NE(two.find("decay-rate-3-seed1"), std::string::npos) << two;
+}
+
 // A plugin, a ROS 2 component, a Python module.
 TEST_F(InstallProgram, ASharedObjectOfAnApplicationIsLoaded) {
   Install();

@@ -70,10 +70,6 @@ TEST_F(CompareRanks, RefuseWhatRanksCannotShare) {
   ExpectSays(output,
              {"batch_size=2 is less than the 3 ranks",
               "a minimizer of Ceres works in one process"});
-  const Output point =
-      RunRanks(2, {"--problem=squared_component", "--output=" + Path("point")});
-  EXPECT_EQ(point.exit_code, 1) << point.text;
-  ExpectSays(point, {"a problem without a network runs in one process"});
 }
 
 // kill -9 of a random rank at a random moment: all ranks end, and the resumed run

@@ -107,7 +107,6 @@ TEST_F(LeastSquaresProgram, RefusesWhatNeedsANetwork) {
   for (const char* flag : {"--epochs=3",
                            "--batch_size=8",
                            "--hidden=3",
-                           "--resume",
                            "--shuffle",
                            "--cpu_time"}) {
     SCOPED_TRACE(flag);

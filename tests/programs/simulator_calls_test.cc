@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "bin/support/counted_simulator.h"
+#include "invgrad/chain/counted_simulator.h"
 #include "gtest/gtest.h"
 #include "problems/burgers_initial.h"
 #include "tests/support/program_runner.h"

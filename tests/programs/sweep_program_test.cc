@@ -50,7 +50,10 @@ TEST_F(SweepProgram, RefusesOtherFlagsOutOfRange) {
   const std::string grid = "--grid=rule=adam";
   const std::string problem = "--problem=toy_network";
   ExpectRefused({"--problem=toy_net", grid}, {"toy_net"});
-  ExpectRefused({"--problem=squared_component", grid}, {"no network"});
+  ExpectRefused({"--problem=squared_component", grid, "--epochs=3"},
+                {"--epochs=3 needs a problem with a network"});
+  ExpectRefused({"--problem=squared_component", "--grid=rule=adam;hidden=3"},
+                {"'hidden'"});
   ExpectRefused({problem, grid, "--job=1"}, {"--job=1", "[-1, 0]"});
   ExpectRefused({problem, grid, "--job=0", "--collect"}, {"one of them"});
   // It writes into no other directory than that of the runs.
@@ -299,6 +302,50 @@ TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {
   for (const char* name : {"lines.png", "heat_map.png", "curves.png"}) {
     EXPECT_TRUE(fs::exists(Path("run") + "/" + name)) << name;
   }
+}
+
+// A minimizer, a rule with alternatives and a problem's option, from two starts.
+TEST_F(SweepProgram, GoesOverALeastSquaresProblem) {
+  const std::vector<std::string> flags = {
+      "--problem=more_garbow_hillstrom:spread=0.1",
+      "--grid=function=bard,beale;seed=1,2;"
+      "rule=ceres_lm,half_inverse:step_size=auto:truncation=1e-12|1e-3",
+      "--steps=60",
+      "--noplots",
+      "--noprogress",
+      "--output=" + Path("run")};
+  const Output output = Run(flags);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"cost", "all seeds"});
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 12u);
+  for (const auto& row : rows) {
+    if (row.at("rule") != "ceres_lm") continue;
+    // The published sum of squares of bard; beale has the solution 0.
+    const double least = row.at("function") == "bard" ? 4.107435e-3 : 0.0;
+    EXPECT_NEAR(std::stod(row.at("train_loss")), least, 5e-9);
+  }
+  // The same command reads what is done, its times among it.
+  const Output again = Run(flags);
+  EXPECT_EQ(again.exit_code, 0) << again.text;
+  ExpectSays(again, {"12 of 12 runs were done before"});
+  EXPECT_EQ(Results("run"), rows);
+}
+
+TEST_F(SweepProgram, GoesOverAPointProblem) {
+  const Output output =
+      Run({"--problem=squared_component",
+           "--grid=rule=gradient_descent;step_size=0.001,0.01,0.02",
+           "--steps=10",
+           "--noplots",
+           "--noprogress",
+           "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_LT(std::stod(rows[1].at("train_loss")),
+            std::stod(rows[0].at("train_loss")));
+  for (const auto& row : rows) EXPECT_EQ(row.at("steps"), "10");
 }
 
 }  // namespace sweep_program_test

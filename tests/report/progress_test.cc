@@ -131,6 +131,54 @@ TEST_F(ProgressTest, AResumedRunCountsFromWhereItBegan) {
             "adam  step 5100  5 steps/s  elapsed 20.0 s  left 20.0 s\n");
 }
 
+TEST_F(ProgressTest, AStepThatTakesLongIsShownWhileItLasts) {
+  for (const bool is_terminal : {false, true}) {
+    SCOPED_TRACE(is_terminal);
+    Progress progress(Options(is_terminal));
+    progress.Update(State(3, 0.25));
+    Written();
+    int num_lines = 0;
+    std::string last;
+    for (int second = 1; second <= 30; ++second) {
+      now_ += 1.0;
+      progress.Tick();
+      const std::string line = Written();
+      if (line.empty()) continue;
+      EXPECT_GE(second, 5);
+      ++num_lines;
+      last = line;
+    }
+    EXPECT_EQ(num_lines, is_terminal ? 26 : 3);
+    EXPECT_EQ(last,
+              std::string(is_terminal ? "\r" : "") +
+                  "adam  step 3  elapsed 30.0 s  this step 30.0 s" +
+                  (is_terminal ? "" : "\n"));
+    progress.Update(State(4, 0.5));
+    Written();
+    now_ += 4.0;  // the next step
+    progress.Tick();
+    EXPECT_EQ(Written(), "");
+    progress.Clear();
+    now_ += 20.0;
+    Written();
+    progress.Tick();  // nothing runs
+    EXPECT_EQ(Written(), "");
+  }
+}
+
+TEST_F(ProgressTest, BeforeTheFirstStepThereIsNoSpeed) {
+  Progress progress(Options(/*is_terminal=*/false));
+  progress.Update(State(ProgressState::kNoStep, ProgressState::kUnknown));
+  now_ += 12.0;
+  progress.Tick();
+  EXPECT_EQ(Written(), "adam  elapsed 12.0 s  this step 12.0 s\n");
+  progress.Update(State(5000, 0.5));  // a resumed run
+  now_ += 20.0;
+  progress.Update(State(5100, 0.75));
+  EXPECT_EQ(Written(),
+            "adam  step 5100  5 steps/s  elapsed 20.0 s  left 20.0 s\n");
+}
+
 TEST_F(ProgressTest, UnknownFractionHasNoTimeLeft) {
   Progress progress(Options(/*is_terminal=*/false));
   progress.Update(State(0, ProgressState::kUnknown));

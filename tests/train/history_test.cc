@@ -46,7 +46,7 @@ class HistoryTest : public testing::Test {
   const std::string header_ =
       "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
       "by_inverse,by_numerical_inverse,by_inverse_gradient,by_gradient,"
-      "not_moved,batch_size\n";
+      "not_moved,batch_size,simulator_calls\n";
 };
 
 TEST_F(HistoryTest, WritesTheDocumentedText) {
@@ -61,14 +61,31 @@ TEST_F(HistoryTest, WritesTheDocumentedText) {
   history[1].metric = 0.5;
   history[1].by_numerical_inverse = 3;
   history[1].batch_size = 32;
+  history[1].simulator_calls = 1024;
   std::string error;
   std::string text;
   ASSERT_TRUE(WriteHistory(path_, history, &error)) << error;
   ASSERT_TRUE(ReadFile(path_, &text, &error)) << error;
   EXPECT_EQ(text,
             header_ +
-                "0,0,0,,0.25,0.26,,,,,,,,\n"
-                "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,32\n");
+                "0,0,0,,0.25,0.26,,,,,,,,,\n"
+                "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,32,1024\n");
+}
+
+TEST_F(HistoryTest, FilesBeforeTheCallsWereCountedAreRead) {
+  const std::string old =
+      header_.substr(0, header_.rfind(',')) + "\n" +
+      "0,0,0,,0.25,0.26,,,,,,,,\n16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,32\n";
+  std::string error;
+  ASSERT_TRUE(WriteFile(path_, old, &error)) << error;
+  History history;
+  ASSERT_TRUE(ReadHistory(path_, &history, &error)) << error;
+  ASSERT_EQ(history.size(), 2u);
+  EXPECT_EQ(history[1].batch_size, 32);
+  EXPECT_TRUE(std::isnan(history[1].simulator_calls));
+  EXPECT_EQ(ReadError(header_.substr(0, header_.rfind(',')) +
+                      "\n1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
+            "line 2: found 15 fields, wanted 14");
 }
 
 TEST_F(HistoryTest, RoundTripIsExact) {
@@ -99,27 +116,27 @@ TEST_F(HistoryTest, ErrorsNameFileAndLine) {
   EXPECT_EQ(
       ReadError("step,epoch\n"),
       "line 1: wanted the header " + header_.substr(0, header_.size() - 1));
-  const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13,14\n";
+  const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n";
   EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6\n"),
-            "line 3: found 6 fields, wanted 14");
-  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
-            "line 3: found 15 fields, wanted 14");
+            "line 3: found 6 fields, wanted 15");
+  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16\n"),
+            "line 3: found 16 fields, wanted 15");
   EXPECT_EQ(ReadError(header_ + "\n" + row),
-            "line 2: found 1 fields, wanted 14");
-  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14\n"),
+            "line 2: found 1 fields, wanted 15");
+  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
             "line 2: found '1.5', wanted a number");
-  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7,8,9,10,11,12,13,14\n"),
+  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
             "line 2: found '', wanted a number");
   EXPECT_EQ(
-      ReadError(header_ + row + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14e\n"),
-      "line 4: found '14e', wanted a number");
-  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7,8,9,10,11,12,13,14\n"),
+      ReadError(header_ + row + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15e\n"),
+      "line 4: found '15e', wanted a number");
+  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7,8,9,10,11,12,13,14,15\n"),
             "line 2: found ' 4', wanted a number");
 }
 
 TEST_F(HistoryTest, ALineThatDoesNotEndIsTruncated) {
   EXPECT_EQ(ReadError(header_ +
-                      "1,2,3,4,5,6,7,8,9,10,11,12,13,14\n2,3,4,5,6,7,8,9,0.12"),
+                      "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n2,3,4,5,6,7,8,9,0.12"),
             "line 3: the line does not end (truncated?)");
   EXPECT_EQ(ReadError(header_.substr(0, header_.size() - 1)),
             "line 1: the line does not end (truncated?)");

@@ -55,6 +55,8 @@ TEST_P(EveryRuleResumes, BitForBit) {
     EXPECT_EQ(resumed.history[i].step, whole.history[i].step);
     EXPECT_EQ(resumed.history[i].train_loss, whole.history[i].train_loss);
     EXPECT_EQ(resumed.history[i].test_loss, whole.history[i].test_loss);
+    EXPECT_EQ(resumed.history[i].simulator_calls,
+              whole.history[i].simulator_calls);
   }
 }
 

@@ -1,6 +1,7 @@
-// The programs `compare` and `sweep` for problems of your own: methods side by
-// side, from the same starts, with the same budgets, over seeds and grids. One
-// file is a program (component `compare`; docs/tutorials/compare_methods.md):
+// The programs `compare`, `sweep` and `estimate` for problems of your own:
+// methods side by side, from the same starts, with the same budgets, over seeds,
+// grids and lists of problems. One file is a program (component `compare`;
+// docs/tutorials/compare_methods.md):
 //
 //   int main(int argc, char** argv) {
 //     invgrad::RegisterProblem<Shuttlecock>("shuttlecock", "q'' = ...", "page");
@@ -12,8 +13,8 @@
 // is; sample_data.h has the data that most problems have. A rule of your own is
 // added in the same way (RegisterRule in rules.h).
 //
-// Fails:   CompareMain and SweepMain print what is wrong, and return the exit
-//          codes of docs/programs.md.
+// Fails:   the mains print what is wrong, and return the exit codes of
+//          docs/programs.md.
 #ifndef INVGRAD_COMPARE_COMPARE_H_
 #define INVGRAD_COMPARE_COMPARE_H_
 
@@ -40,6 +41,11 @@ int CompareMain(int argc, char** argv);
 // Trains by every rule at every point of a grid of settings.
 int SweepMain(int argc, char** argv);
 
+// Compares methods on several least-squares problems: --problems, by default all
+// that are registered. Tables have covariances, too, and the report has profiles
+// over problems and seeds.
+int EstimateMain(int argc, char** argv);
+
 struct ProblemRow {
   std::string name;      // "oscillator_chain"
   std::string equation;  // one line
@@ -53,6 +59,7 @@ struct ProblemRow {
                      PhysicsProblem* problem,
                      std::string* error)>
       create;
+  bool is_least_squares = false;  // whether `create` makes a ceres::Problem
 };
 
 // All registered problems. RegisterProblem invalidates iterators.
@@ -141,7 +148,12 @@ ProblemRow MakeProblemRow(const std::string& name,
     return set.SetAll(settings, error) &&
            CreateByDefinition(definition, data, problem, error);
   };
-  return {name, equation, source, options, create};
+  return {name,
+          equation,
+          source,
+          options,
+          create,
+          kCreates<Definition, LeastSquaresProblem>};
 }
 
 // Adds the row of a struct.

@@ -15,11 +15,12 @@ namespace invgrad {
 namespace {
 
 constexpr size_t kNumFields = 1 + std::size(kHistoryColumns);
+constexpr size_t kNumOldFields = kNumFields - 1;  // before simulator_calls
 
-std::string HeaderLine() {
+std::string HeaderLine(size_t num_fields = kNumFields) {
   std::string line = "step";
-  for (const HistoryColumn& column : kHistoryColumns) {
-    line += fmt::format(",{}", column.name);
+  for (size_t i = 1; i < num_fields; ++i) {
+    line += fmt::format(",{}", kHistoryColumns[i - 1].name);
   }
   return line;
 }
@@ -51,16 +52,18 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
 }
 
 // Returns an error message, or an empty string.
-std::string ParseRow(std::string_view line, HistoryRow* row) {
+std::string ParseRow(std::string_view line,
+                     size_t num_fields,
+                     HistoryRow* row) {
   const std::vector<std::string_view> fields = Split(line, ',');
-  if (fields.size() != kNumFields) {
-    return fmt::format("found {} fields, wanted {}", fields.size(), kNumFields);
+  if (fields.size() != num_fields) {
+    return fmt::format("found {} fields, wanted {}", fields.size(), num_fields);
   }
   const auto wrong = [](std::string_view field) {
     return fmt::format("found '{}', wanted a number", Printable(field));
   };
   if (!Parse(fields[0], &row->step)) return wrong(fields[0]);
-  for (size_t i = 1; i < kNumFields; ++i) {
+  for (size_t i = 1; i < num_fields; ++i) {
     double* value = &(row->*kHistoryColumns[i - 1].value);
     *value = HistoryRow::kNone;
     if (!fields[i].empty() && !Parse(fields[i], value)) return wrong(fields[i]);
@@ -97,7 +100,8 @@ bool ReadHistory(const std::string& path,
     *error = fmt::format("file {}, line {}: {}", path, line, problem);
     return false;
   };
-  if (lines[0] != HeaderLine()) {
+  const bool is_old = lines[0] == HeaderLine(kNumOldFields);
+  if (!is_old && lines[0] != HeaderLine()) {
     return fail(1, "wanted the header " + HeaderLine());
   }
   // The last number may be truncated.
@@ -106,7 +110,8 @@ bool ReadHistory(const std::string& path,
   }
   History rows(lines.size() - 2);
   for (size_t i = 0; i < rows.size(); ++i) {
-    const std::string problem = ParseRow(lines[i + 1], &rows[i]);
+    const std::string problem =
+        ParseRow(lines[i + 1], is_old ? kNumOldFields : kNumFields, &rows[i]);
     if (!problem.empty()) return fail(i + 2, problem);
   }
   *history = std::move(rows);

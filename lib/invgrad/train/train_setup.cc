@@ -98,7 +98,8 @@ void WarnOfSaturation(const Model& model,
 TrainingRun::Impl::Impl(const Model& model,
                         TrainingData data,
                         TrainOptions options)
-    : model_(model.WithThreads(options.num_threads)),
+    : simulator_(std::make_shared<CountedSimulator>(model.shared_simulator())),
+      model_(WithSimulator(model.WithThreads(options.num_threads), simulator_)),
       data_(std::move(data)),
       options_(std::move(options)) {
   CHECK_GT(data_.train.num_samples(), 0) << "there are no training samples";
@@ -294,6 +295,7 @@ void TrainingRun::Impl::VisitState(StateArchive* archive, State* state) {
     archive->Visit(name, value);
     archive->Require(*value >= 0.0 && std::isfinite(*value), name);
   }
+  archive->Visit("simulator_calls", &state->simulator_calls);
   archive->Visit("batch_loss", &state->batch_loss);
   archive->Visit("step_norm", &state->step_norm);
   archive->Visit("best_loss", &state->best_loss);

@@ -1,5 +1,6 @@
-// The position of a training run in its budget.
+// The position of a training run in its budget, and what its steps cost.
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "invgrad/train/training_run.h"
@@ -58,6 +59,23 @@ std::string TrainingRun::Impl::BudgetSpent() const {
 double TrainingRun::Impl::WatchedLoss() const {
   const HistoryRow& last = state_.history.back();
   return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
+}
+
+Engine::StepResult TrainingRun::Impl::EngineStep() {
+  const double start = Now();
+  const long calls = simulator_->num_calls();
+  Engine::StepResult result = engine().Step(SpentOfPhase(), &state_.weights);
+  state_.seconds += Now() - start;
+  new_calls_ += static_cast<double>(simulator_->num_calls() - calls);
+  return result;
+}
+
+void TrainingRun::Impl::AddCalls() {
+  if (options_.communicator != nullptr) {
+    options_.communicator->Sum(&new_calls_, 1);
+  }
+  state_.simulator_calls += std::lround(new_calls_);
+  new_calls_ = 0.0;
 }
 
 }  // namespace invgrad

@@ -144,10 +144,9 @@ void TrainingRun::Impl::LimitPhase() {
 }
 
 bool TrainingRun::Impl::TakeStep() {
-  const double start = Now();
   Engine::StepResult result;
   try {
-    result = engine().Step(SpentOfPhase(), &state_.weights);
+    result = EngineStep();
   } catch (const std::bad_alloc&) {
     // Other ranks would wait for this one.
     if (options_.communicator != nullptr) throw;
@@ -157,7 +156,6 @@ bool TrainingRun::Impl::TakeStep() {
     return false;
   }
   using Outcome = Engine::StepResult::Outcome;
-  state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   if (result.outcome == Outcome::kFailed) {
     if (HandOver() ||
@@ -199,6 +197,7 @@ bool TrainingRun::Impl::CallBack(ceres::IterationSummary iteration) {
     num_aborts = sums[1];
     num_stops = sums[2];
   }
+  AddCalls();
   if (num_aborts > 0.0) {
     End(ceres::USER_FAILURE, AtStep("aborted by a callback", steps_of_phase()));
   } else if (num_stops > 0.0) {
@@ -282,11 +281,13 @@ std::string TrainingRun::Impl::TakeBestWeights(double train_loss) {
 }
 
 void TrainingRun::Impl::Evaluate() {
+  AddCalls();
   HistoryRow row;
   row.step = state_.step;
   row.epoch = epoch();
   row.seconds = state_.seconds;
   row.batch_size = engine().batch_size();
+  row.simulator_calls = static_cast<double>(state_.simulator_calls);
   row.batch_loss = state_.batch_loss;
   row.step_norm = state_.step_norm;
   const bool has_test_data = data_.test.num_samples() > 0;

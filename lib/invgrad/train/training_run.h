@@ -1,5 +1,6 @@
 // The loop of a training run, behind TrainingRun (train.h): training_run.cc has
-// the steps and phases, training_budget.cc the position in the budget,
+// the steps and phases, training_budget.cc the position in the budget and what
+// steps cost,
 // train_setup.cc construction and checkpoint.
 //
 // A phase may be a trial: it hands over to the next one where it stalls, diverges
@@ -19,6 +20,7 @@
 #include "Eigen/Core"
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
+#include "invgrad/chain/counted_simulator.h"
 #include "invgrad/internal/communicator.h"
 #include "invgrad/method.h"
 #include "invgrad/train.h"
@@ -82,6 +84,7 @@ class TrainingRun::Impl {
     double first_second = 0.0;
     long step = 0;
     double seconds = 0.0;
+    long simulator_calls = 0;  // of the steps, on all ranks
     double batch_loss = HistoryRow::kNone;
     double step_norm = HistoryRow::kNone;
     // Where a trial began; and, in the phase after it, the weights that are to be
@@ -115,6 +118,8 @@ class TrainingRun::Impl {
   // Sets max_num_steps_ by the share of the phase and the run's budget.
   void LimitPhase();
   bool TakeStep();
+  // One step of the engine, its time and its calls of the simulator.
+  Engine::StepResult EngineStep();
   double Now() const {  // in seconds
     return options_.cpu_time
                ? static_cast<double>(std::clock()) / CLOCKS_PER_SEC
@@ -124,6 +129,8 @@ class TrainingRun::Impl {
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
+  // Adds the calls of this rank since the last time, of all ranks.
+  void AddCalls();
   // Evaluates the losses. If the train loss is not finite, ends the run as
   // diverged, and returns false.
   bool EvaluateOrEnd();
@@ -175,6 +182,8 @@ class TrainingRun::Impl {
   void Restore();
   void VisitState(StateArchive* archive, State* state);
 
+  // Counts the calls of model_, on this rank.
+  const std::shared_ptr<const CountedSimulator> simulator_;
   const Model model_;
   const TrainingData data_;
   TrainOptions options_;
@@ -185,6 +194,7 @@ class TrainingRun::Impl {
 
   RunIdentity identity_;
   State state_;
+  double new_calls_ = 0.0;  // of this rank, not yet in the state
   // Destroyed before the weights, because an unfinished solve may write to
   // them.
   std::vector<RunPhase> phases_;
