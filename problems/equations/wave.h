@@ -10,8 +10,8 @@
 //   e = exp(-(5 c t)^2)
 //
 // The double zero of 1 - e keeps the initial velocity. With t^2 in place of 1 -
-// e and u(0, x) as it is, N would be some 250 at t = 0 and 1 at t = 1, and a
-// network of this size does not get below the error of u = 0 (60 s).
+// e and u(0, x) as it is, N would be some 250 at t = 0 and 1 at t = 1, which a
+// network of this size does not learn.
 //
 // Shapes:  network 2-20-20-20-1, tanh: 921 weights; x: N, N_tt, N_xx, N_t, N_x.
 // Data:    Gauss points, rows (t, x, weight); all are one batch. For testing a
