@@ -9,6 +9,7 @@ Sample runs:
   registration --units=m,mm --methods=determined,eigenvalue:100 --seeds=1..3
   registration --scenes=room --noise=0.03 --outliers=0.2 --output=runs/room
   registration --scenes=room --guard_edges=false --output=runs/edges
+  registration --cylinder --methods=gauss_newton,determined --seeds=1..20
 
 The scenes are those of problems/registration/scan.h. Each alignment starts at
 the odometry (bin/registration/track.h), and is solved by:
@@ -16,9 +17,14 @@ the odometry (bin/registration/track.h), and is solved by:
   odometry      nothing
   lm            ceres::Solve
   half_inverse  proposals of half_inverse:step_size=auto:rho=1 alone
-  eigenvalue:T  proposals of Gauss-Newton alone, without the eigenvectors of
+  gauss_newton  proposals of Gauss-Newton alone
+  eigenvalue:T  the same without the eigenvectors of
                 H = J^T J whose eigenvalues are at most T, in the units of H
   determined    proposals of determined:groups=blocks alone
+
+With --cylinder it makes one alignment instead, that of a published comparison
+(bin/registration/cylinder_study.h), by odometry, gauss_newton, eigenvalue:T or
+determined.
 
 bin/registration/results.h lists what is written. Ctrl-C ends the current path,
 skips the others, and keeps the results so far.
@@ -28,6 +34,7 @@ skips the others, and keeps the results so far.
 #include <utility>
 #include <vector>
 
+#include "bin/registration/cylinder_study.h"
 #include "bin/registration/methods.h"
 #include "bin/registration/results.h"
 #include "bin/registration/track.h"
@@ -55,6 +62,7 @@ DEFINE_double(tau,
               "threshold of `determined`; 0: from the normals of the first "
               "scan, at least 0.1");
 
+DEFINE_bool(cylinder, false, "the cylinder of a published comparison");
 DEFINE_bool(guard_edges,
             true,
             "reject normals of two walls, and matches with large residuals");
@@ -117,10 +125,20 @@ bool Run(RunCounts* counts, std::string* error) {
                   error) ||
       !ParseFlag("scenes", SelectScenes, &scenes, error) ||
       !ParseFlag("methods", ParseRegistrationMethods, &methods, error) ||
+      !NameFlag("methods",
+                !FLAGS_cylinder || CheckCylinderMethods(methods, error),
+                error) ||
       !ParseFlag("units", SelectUnits, &units, error) ||
       !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
       !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
     return false;
+  }
+  const Interrupt interrupt;
+  if (FLAGS_cylinder) {
+    CylinderOptions options;
+    options.noise = FLAGS_noise;
+    if (FLAGS_tau > 0.0) options.tau = FLAGS_tau;
+    return StudyCylinder(methods, seeds, options, FLAGS_output, counts, error);
   }
   TrackOptions options;
   options.num_scans = FLAGS_scans;
@@ -128,7 +146,6 @@ bool Run(RunCounts* counts, std::string* error) {
   options.guards_edges = FLAGS_guard_edges;
   options.scan.noise = FLAGS_noise;
   options.scan.outliers = FLAGS_outliers;
-  const Interrupt interrupt;
   std::vector<RegistrationRun> runs;
   for (const Scene& scene : scenes) {
     for (const RegistrationMethod& method : methods) {

@@ -9,11 +9,14 @@
 #include "problems/burgers_initial.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/convection.h"
 #include "problems/equations/heat.h"
 #include "problems/equations/heat_4d.h"
 #include "problems/equations/helmholtz.h"
 #include "problems/equations/korteweg_de_vries.h"
 #include "problems/equations/poisson_5d.h"
+#include "problems/equations/reaction.h"
+#include "problems/equations/wave.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -92,6 +95,17 @@ void RegisterEquations() {
       "allen_cahn_pinn",
       "u_t = D u_xx + 5 (u - u^3), u = g + d N, L = 1/2 mean R^2",
       "Raissi et al., J. Comput. Phys. 378 (2019)");
+  RegisterProblem<ConvectionPinn>(
+      "convection_pinn",
+      "u_t + beta u_x = 0, u = g + t N, L = 1/2 mean R^2",
+      "Rathore et al., ICML 2024");
+  RegisterProblem<ReactionPinn>(
+      "reaction_pinn",
+      "u_t = rho u (1 - u), u = g + t N, L = 1/2 mean R^2",
+      "Rathore et al., ICML 2024");
+  RegisterProblem<WavePinn>("wave_pinn",
+                            "u_tt = c^2 u_xx, u = g + d N, L = 1/2 mean R^2",
+                            "Rathore et al., ICML 2024");
   RegisterProblem<HeatPinn>("heat_pinn",
                             "u_t = u_xx / 4, u = g + d N, L = 1/2 mean R^2",
                             "KFAC for PINNs, NeurIPS 2024");

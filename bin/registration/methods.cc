@@ -14,8 +14,6 @@ namespace {
 
 using Kind = RegistrationMethod::Kind;
 
-// Gauss-Newton without the eigenvectors of H = J^T J whose eigenvalues are at
-// most the threshold, which has the units of H.
 class EigenvalueRule final : public UpdateRule {
  public:
   explicit EigenvalueRule(double threshold) : threshold_(threshold) {}
@@ -32,23 +30,12 @@ class EigenvalueRule final : public UpdateRule {
     Eigen::VectorXd gradient;
     at_x.jacobian->ParameterGram(&H);
     at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
-    // Reads the lower triangle, which is all that ParameterGram writes.
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(H);
-    if (eigen.info() != Eigen::Success || !gradient.allFinite()) {
-      *error = "H has no eigenvalues, or the gradient is not finite";
+    int num_left_alone = 0;
+    if (!EigenvalueStep(
+            H, gradient, threshold_, step, &num_left_alone, error)) {
       return false;
     }
-    const Eigen::MatrixXd& V = eigen.eigenvectors();
-    Eigen::VectorXd c = V.transpose() * gradient;
-    int num_left_alone = 0;
-    for (Eigen::Index i = 0; i < c.size(); ++i) {
-      const double value = eigen.eigenvalues()[i];
-      const bool is_left_alone = value <= threshold_;
-      c[i] = is_left_alone ? 0.0 : c[i] / value;
-      num_left_alone += is_left_alone ? 1 : 0;
-    }
-    *step = -V * c;
-    report_ = fmt::format("{} of {} left alone", num_left_alone, c.size());
+    report_ = fmt::format("{} of {} left alone", num_left_alone, step->size());
     return true;
   }
 
@@ -58,6 +45,30 @@ class EigenvalueRule final : public UpdateRule {
 };
 
 }  // namespace
+
+bool EigenvalueStep(const Eigen::MatrixXd& H,
+                    const Eigen::VectorXd& gradient,
+                    double threshold,
+                    Eigen::VectorXd* step,
+                    int* num_left_alone,
+                    std::string* error) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(H);
+  if (eigen.info() != Eigen::Success || !gradient.allFinite()) {
+    *error = "H has no eigenvalues, or the gradient is not finite";
+    return false;
+  }
+  const Eigen::MatrixXd& V = eigen.eigenvectors();
+  Eigen::VectorXd c = V.transpose() * gradient;
+  *num_left_alone = 0;
+  for (Eigen::Index i = 0; i < c.size(); ++i) {
+    const double value = eigen.eigenvalues()[i];
+    const bool is_left_alone = value <= threshold;
+    c[i] = is_left_alone ? 0.0 : c[i] / value;
+    *num_left_alone += is_left_alone ? 1 : 0;
+  }
+  *step = -V * c;
+  return true;
+}
 
 bool ParseRegistrationMethods(const std::string& text,
                               std::vector<RegistrationMethod>* methods,
@@ -77,6 +88,8 @@ bool ParseRegistrationMethods(const std::string& text,
       }
       method.kind = Kind::kEigenvalue;
       method.eigenvalue = numbers[0];
+    } else if (label == "gauss_newton") {
+      method.kind = Kind::kEigenvalue;
     } else if (label == "odometry") {
       method.kind = Kind::kOdometry;
     } else if (label == "lm") {
@@ -88,7 +101,7 @@ bool ParseRegistrationMethods(const std::string& text,
     } else {
       *error = fmt::format(
           "unknown method '{}'; known: odometry, lm, half_inverse, "
-          "eigenvalue:THRESHOLD, determined",
+          "gauss_newton, eigenvalue:THRESHOLD, determined",
           label);
       return false;
     }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Core"
 #include "ceres/problem.h"
 #include "invgrad/update_rule.h"
 
@@ -17,7 +18,8 @@ struct RegistrationMethod {
 
   std::string label;  // as it was given
   Kind kind = Kind::kOdometry;
-  double eigenvalue = 0.0;  // of kEigenvalue: the threshold
+  // Of kEigenvalue: the threshold; 0: gauss_newton.
+  double eigenvalue = 0.0;
 };
 
 // "lm,eigenvalue:100,determined". Returns false, with *error, if a name is
@@ -25,6 +27,16 @@ struct RegistrationMethod {
 bool ParseRegistrationMethods(const std::string& text,
                               std::vector<RegistrationMethod>* methods,
                               std::string* error);
+
+// The Gauss-Newton step without the eigenvectors of H = J^T J whose eigenvalues
+// are at most the threshold, which has the units of H. Of H its lower triangle
+// is read. Returns false, with *error, if H or gradient is not finite.
+bool EigenvalueStep(const Eigen::MatrixXd& H,
+                    const Eigen::VectorXd& gradient,
+                    double threshold,
+                    Eigen::VectorXd* step,
+                    int* num_left_alone,
+                    std::string* error);
 
 // The rule whose proposals solve an alignment; null: it has none. tau is the
 // threshold of kDetermined.

@@ -11,6 +11,8 @@
 //
 //             The physics' own answer: velocities x_i as further unknowns, and
 //             residuals w (P(x_i) - t_i + (p, 0)) with a large weight w.
+// Break-even: seconds of training / seconds that the network saves a use,
+//             beside the same answers by Ceres and the physics.
 // Ensemble:   y = x^2, the problem `multimodal` of compare: 20 networks, each
 //             from its own seed and trained by SIP on y in [0, 1].
 // Expect:     Places inside of the training data: tanh networks err by a
@@ -30,6 +32,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -37,162 +40,23 @@
 #include <utility>
 #include <vector>
 
-#include "../tutorials/shuttlecock_flight.h"
 #include "Eigen/Core"
-#include "ceres/autodiff_cost_function.h"
-#include "ceres/problem.h"
-#include "ceres/sized_cost_function.h"
-#include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
+#include "trained_thrower.h"
 
 namespace {
 
-using Eigen::MatrixXd;
-using Eigen::Vector2d;
-using Eigen::VectorXd;
-using invgrad::Activation;
-using invgrad::DenseNetwork;
-
-using Places = std::vector<Vector2d>;  // t_i [m]
+using namespace trained_networks;  // NOLINT: the program prints it
 
 constexpr int kNumSeeds = 5;
 constexpr double kTolerance = 0.05;  // of p [m]
 
-// --- The surrogate ---
-
-struct TrainedNetwork {
-  DenseNetwork network;
-  VectorXd weights;
-};
-
-// Places up to 9 m away, from 1 m below to 2 m above.
-TrainedNetwork TrainThrower(Activation activation, int seed) {
-  constexpr int kNumSamples = 1024;
-  DenseNetwork network({2, 24, 24, 2}, activation);
-  const invgrad::Model model(
-      network,
-      std::make_shared<invgrad::AutoDiffSimulator<Flight, 2, 2>>(),
-      std::make_shared<invgrad::SquaredNormLoss>(2, 0.5),
-      invgrad::Reduction::kMean);
-  invgrad::NumpyRandom random(0);
-  MatrixXd targets(2, kNumSamples);
-  for (auto target : targets.colwise()) {
-    target[0] = random.Uniform(-9.0, 9.0);
-    target[1] = random.Uniform(-1.0, 2.0);
-  }
-  invgrad::TrainOptions options;
-  options.max_num_steps = 300;
-  options.batch_size = 64;
-  options.seed = seed;
-  const invgrad::TrainResult result = invgrad::Train(
-      model,
-      {targets, targets},
-      "newton/numerical/half_inverse:step_size=auto:y_step_size=0.3",
-      options);
-  CHECK(result.error.empty()) << result.error;
-  return {std::move(network), result.weights};
-}
-
-// f(t - (p, 0)) and its derivative with respect to p.
-class SurrogateThrow final : public ceres::SizedCostFunction<2, 1> {
- public:
-  SurrogateThrow(const TrainedNetwork* thrower, Vector2d place)
-      : thrower_(*thrower), place_(std::move(place)) {}
-
-  bool Evaluate(double const* const* p,
-                double* x,
-                double** dx_dp) const override {
-    const MatrixXd y = place_ - Vector2d(p[0][0], 0.0);
-    DenseNetwork::Activations pass;
-    thrower_.network.Forward(thrower_.weights, y, false, &pass);
-    Eigen::Map<Vector2d>{x} = pass.outputs;
-    if (dx_dp != nullptr && dx_dp[0] != nullptr) {
-      MatrixXd J;  // a column an output
-      thrower_.network.InputJacobians(thrower_.weights, pass, &J);
-      Eigen::Map<Vector2d>{dx_dp[0]} = -J.row(0).transpose();
-    }
-    return true;
-  }
-
- private:
-  const TrainedNetwork& thrower_;
-  const Vector2d place_;
-};
-
-// w (P(x) - (t - (p, 0))); the other residual of a throw is x.
-struct Arrival {
-  Vector2d place;
-  template <typename T>
-  bool operator()(const T* p, const T* x, T* residual) const {
-    constexpr double kWeight = 1e4;
-    if (!Flight()(x, residual)) return false;
-    residual[0] = kWeight * (residual[0] - (place[0] - p[0]));
-    residual[1] = kWeight * (residual[1] - place[1]);
-    return true;
-  }
-};
-
-struct Velocity {
-  template <typename T>
-  bool operator()(const T* x, T* residual) const {
-    residual[0] = x[0];
-    residual[1] = x[1];
-    return true;
-  }
-};
-
-struct Design {
-  double p = 0.0;       // [m]
-  double energy = 0.0;  // 1/2 sum |x_i|^2 [J/kg]
-  int num_iterations = 0;
-};
-
-Design Solve(double* p, ceres::Problem* problem) {
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
-  options.function_tolerance = 1e-12;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, problem, &summary);
-  return {
-      *p, summary.final_cost, static_cast<int>(summary.iterations.size()) - 1};
-}
-
-Design SolveBySurrogate(const TrainedNetwork& thrower, const Places& places) {
-  double p = 0.0;
-  ceres::Problem problem;
-  for (const Vector2d& place : places) {
-    problem.AddResidualBlock(new SurrogateThrow(&thrower, place), nullptr, &p);
-  }
-  return Solve(&p, &problem);
-}
-
-// With `fixed`, the least energy from there.
-Design SolveByPhysics(const Places& places,
-                      std::optional<double> fixed = std::nullopt) {
-  double p = fixed.value_or(0.0);
-  std::vector<Vector2d> x(places.size(), Vector2d(0.0, 5.0));
-  ceres::Problem problem;
-  for (size_t i = 0; i < places.size(); ++i) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<Velocity, 2, 2>(new Velocity),
-        nullptr,
-        x[i].data());
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Arrival, 2, 1, 2>(
-                                 new Arrival{places[i]}),
-                             nullptr,
-                             &p,
-                             x[i].data());
-  }
-  if (fixed.has_value()) problem.SetParameterBlockConstant(&p);
-  return Solve(&p, &problem);
-}
+// --- Designs ---
 
 // d2/dp2 of the surrogate's energy: the part of Gauss-Newton, and all.
 std::pair<double, double> Curvatures(const TrainedNetwork& thrower,
@@ -275,6 +139,62 @@ double PrintDesigns(const Places& places,
   }
   std::printf("  mean %.4f, deviation %.4f\n", p.mean(), Deviation(p));
   return (p.array() - truth.p).abs().maxCoeff();
+}
+
+// --- Break-even ---
+
+// Of this thread's processor, a use; the mean of many.
+template <typename Use>
+double SecondsOf(const Use& use) {
+  constexpr double kAtLeast = 0.2;
+  const std::clock_t begin = std::clock();
+  double seconds = 0.0;
+  int num_uses = 0;
+  while (seconds < kAtLeast) {
+    use();
+    ++num_uses;
+    seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  }
+  return seconds / num_uses;
+}
+
+void PrintBreakEven(const Places& places) {
+  constexpr int kNumThrows = 1000;
+  const std::clock_t begin = std::clock();
+  const TrainedNetwork thrower = TrainThrower(Activation::kTanh, 1);
+  const double training =
+      static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  const MatrixXd many = places[0].replicate(1, kNumThrows);
+  const auto throws = [&thrower](const MatrixXd& y) {
+    return SecondsOf(
+        [&] { return thrower.network.Outputs(thrower.weights, y); });
+  };
+  const double one_throw =
+      SecondsOf([&] { return SolveByPhysics({places[0]}, 0.0); });
+  struct Row {
+    const char* use;
+    double by_physics, by_network;
+  };
+  const Row rows[] = {
+      {"a throw", one_throw, throws(places[0])},
+      {"a throw of 1,000", one_throw, throws(many) / kNumThrows},
+      {"a design",
+       SecondsOf([&] { return SolveByPhysics(places); }),
+       SecondsOf([&] { return SolveBySurrogate(thrower, places); })}};
+  std::printf("Break-even after %.2f s of training\n", training);
+  std::printf("%-18s  by physics [us]  by the network [us]  uses\n", "");
+  for (const Row& row : rows) {
+    const double saved = row.by_physics - row.by_network;
+    std::printf("%-18s  %15.1f  %19.2f  ",
+                row.use,
+                1e6 * row.by_physics,
+                1e6 * row.by_network);
+    if (saved > 0.0) {
+      std::printf("%.0f\n", training / saved);
+    } else {
+      std::printf("never\n");
+    }
+  }
 }
 
 // --- The ensemble ---
@@ -379,6 +299,8 @@ int main(int /*argc*/, char** argv) {
   std::printf("Where to stand, throws beyond the training data\n");
   PrintDesigns(outside, tanh);
   PrintDesigns(outside, relu);
+
+  PrintBreakEven(inside);
 
   for (int seed = 1; seed <= 20; ++seed) roots.push_back(TrainRoot(seed));
   std::printf("An ensemble on y = x^2\n");

@@ -11,7 +11,7 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
-#include "nanoflann.hpp"
+#include "problems/registration/point_tree.h"
 
 namespace invgrad {
 namespace {
@@ -39,48 +39,11 @@ struct PointToPlane {
 
 }  // namespace
 
-// What nanoflann reads the points by; the names are its own.
-class AlignmentTarget::Tree {
- public:
-  explicit Tree(const Eigen::Matrix3Xd& points)
-      : points_(points), index_(3, *this) {}
-
-  // NOLINTBEGIN(readability-identifier-naming)
-  std::size_t kdtree_get_point_count() const { return points_.cols(); }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points_(axis, i);
-  }
-  template <typename Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-  // NOLINTEND(readability-identifier-naming)
-
-  // Returns the number of points found, the nearest first.
-  template <std::size_t N>
-  int Nearest(const Vector3d& at,
-              std::array<std::size_t, N>* found,
-              std::array<double, N>* squared_distances) const {
-    return static_cast<int>(index_.knnSearch(
-        at.data(), N, found->data(), squared_distances->data()));
-  }
-
- private:
-  using Index = nanoflann::KDTreeSingleIndexAdaptor<
-      nanoflann::L2_Simple_Adaptor<double, Tree>,
-      Tree,
-      3,
-      std::size_t>;
-
-  const Eigen::Matrix3Xd& points_;
-  Index index_;
-};
-
 AlignmentTarget::AlignmentTarget(Eigen::Matrix3Xd points,
                                  const AlignmentOptions& options)
     : points_(std::move(points)),
       options_(options),
-      tree_(std::make_unique<Tree>(points_)) {
+      tree_(std::make_unique<PointTree>(points_)) {
   FindNormals();
 }
 

@@ -39,6 +39,8 @@
 
 namespace invgrad {
 
+class PointTree;
+
 // From the scan's frame to the target's.
 struct RelativePose {
   Eigen::Vector3d t{0.0, 0.0, 0.0};
@@ -71,13 +73,11 @@ class AlignmentTarget {
   const Eigen::Matrix3Xd& normals() const { return normals_; }
 
  private:
-  class Tree;
-
   void FindNormals();
 
   const Eigen::Matrix3Xd points_;
   const AlignmentOptions options_;
-  std::unique_ptr<Tree> tree_;
+  std::unique_ptr<PointTree> tree_;
   Eigen::Matrix3Xd normals_;
   double normal_error_ = 0.0;
 };

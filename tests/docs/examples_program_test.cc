@@ -78,6 +78,12 @@ TEST_F(ExamplesTest, PhysicalGradients) {
   ExpectSays(output, {"Fall of the loss", "Change of y", "Lyapunov times"});
 }
 
+TEST_F(ExamplesTest, LeastDrag) {
+  const Output output = RunExample("least_drag");
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"closed form", "80 shapes, adam", "truth found"});
+}
+
 // It writes a file where it runs.
 TEST_F(ExamplesTest, TrainedNetworks) {
   const std::filesystem::path before = std::filesystem::current_path();
@@ -87,7 +93,7 @@ TEST_F(ExamplesTest, TrainedNetworks) {
   EXPECT_EQ(output.exit_code, 0) << output.text;
   ExpectSays(
       output,
-      {"Where to stand", "Gauss-Newton", "networks at x > 0", "truth found"});
+      {"Where to stand", "Break-even", "networks at x > 0", "truth found"});
   std::istringstream file(ReadAll(Path("trained_networks.txt")));
   int num_values = 0;
   for (double value = 0.0; file >> value;) ++num_values;

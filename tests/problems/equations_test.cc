@@ -1,6 +1,7 @@
 // Problems that are differential equations.
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
@@ -9,9 +10,12 @@
 #include "invgrad/trial_function.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/convection.h"
 #include "problems/equations/evolutions.h"
 #include "problems/equations/korteweg_de_vries.h"
 #include "problems/equations/periodic_evolution.h"
+#include "problems/equations/reaction.h"
+#include "problems/equations/wave.h"
 #include "problems/problems.h"
 
 namespace invgrad {
@@ -172,6 +176,93 @@ TEST(AllenCahn, TheLayerSolvesItsEquation) {
     }
   }
   EXPECT_NEAR(w(1e-12, 0.01)[0], 0.0, 1e-15);
+}
+
+// The residual of the equation at the jets of the closed form.
+template <typename Definition>
+void ExpectSolves(const Definition& definition) {
+  const EquationProblem problem = definition.MakeEquation();
+  const Equation& equation = problem.equation;
+  const MatrixXd points = GridPoints(problem.box, {7, 9});
+  const MatrixXd u = JetsOf(
+      *equation.trial.derivatives,
+      1,
+      [&definition](const InputJet* a, InputJet* f) {
+        f[0] = definition.Solution(a[0], a[1]);
+      },
+      points);
+  for (int s = 0; s < points.cols(); ++s) {
+    double y = 1.0;
+    ASSERT_TRUE(equation.terms[0].residual->Evaluate(
+        u.col(s).data(), nullptr, &y, nullptr));
+    // Derivatives of some 500.
+    EXPECT_NEAR(y, 0.0, 1e-11) << points.col(s).transpose();
+    EXPECT_NEAR(problem.solution(points.col(s)), u(0, s), 1e-15);
+  }
+}
+
+TEST(ConvectionReactionAndWave, ClosedFormsSolveTheEquations) {
+  ExpectSolves(ConvectionPinn());
+  ExpectSolves(ReactionPinn());
+  ExpectSolves(WavePinn());
+}
+
+// The jets of u for any network are those of the closed form at the beginning,
+// in the channels that the conditions fix.
+template <typename Definition>
+void ExpectKeepsConditions(const Definition& definition,
+                           const std::vector<std::string>& at_the_beginning,
+                           bool at_the_faces) {
+  const EquationProblem problem = definition.MakeEquation();
+  const TrialFunction& trial = problem.equation.trial;
+  const DerivativeSet& set = *trial.derivatives;
+  MatrixXd points = GridPoints(problem.box, {3, 9});
+  const MatrixXd exact = JetsOf(
+      set,
+      1,
+      [&definition](const InputJet* a, InputJet* f) {
+        f[0] = definition.Solution(a[0], a[1]);
+      },
+      points);
+  MatrixXd conditions;
+  std::string error;
+  ASSERT_TRUE(trial.Conditions(points, &conditions, &error)) << error;
+  const MatrixXd any = MatrixXd::Random(set.num_channels(), points.cols());
+  const MatrixXd u = trial.Values(any, conditions);
+  for (int s = 0; s < points.cols(); ++s) {
+    const bool is_face = points(1, s) == problem.box.lower[1] ||
+                         points(1, s) == problem.box.upper[1];
+    if (points(0, s) == 0.0) {
+      for (const std::string& word : at_the_beginning) {
+        const int k = set.ChannelOf(word);
+        EXPECT_NEAR(u(k, s), exact(k, s), 1e-12) << word;
+      }
+    } else if (is_face && at_the_faces) {
+      EXPECT_NEAR(u(0, s), 0.0, 1e-14);
+    } else {
+      EXPECT_NE(u(0, s), exact(0, s));
+    }
+  }
+}
+
+TEST(ConvectionReactionAndWave, ConditionsHoldForAnyNetwork) {
+  ExpectKeepsConditions(ConvectionPinn(), {"", "x"}, false);
+  ExpectKeepsConditions(ReactionPinn(), {""}, false);
+  ExpectKeepsConditions(WavePinn(), {"", "t", "x", "xx"}, true);
+}
+
+TEST(Convection, IsPeriodic) {
+  const EquationProblem problem = ConvectionPinn().MakeEquation();
+  const TrialFunction& trial = problem.equation.trial;
+  MatrixXd ends(2, 2);
+  ends << 0.3, 0.3, 0.0, 2.0 * M_PI;
+  MatrixXd inputs, conditions;
+  std::string error;
+  ASSERT_TRUE(trial.Inputs(ends, &inputs, &error)) << error;
+  ASSERT_TRUE(trial.Conditions(ends, &conditions, &error)) << error;
+  EXPECT_LT((inputs.col(0) - inputs.col(1)).cwiseAbs().maxCoeff(), 1e-14);
+  EXPECT_LT((conditions.col(0) - conditions.col(1)).cwiseAbs().maxCoeff(),
+            1e-14);
 }
 
 // The closed forms satisfy their equations and conditions.

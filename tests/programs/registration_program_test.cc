@@ -1,5 +1,6 @@
 // The program registration, run as a user runs it.
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -20,11 +21,14 @@ TEST(RegistrationMethods, AreReadWithTheirThresholds) {
   std::vector<RegistrationMethod> methods;
   std::string error;
   ASSERT_TRUE(ParseRegistrationMethods(
-      "odometry,lm,half_inverse,eigenvalue:2.5,determined", &methods, &error))
+      "odometry,lm,half_inverse,gauss_newton,eigenvalue:2.5,determined",
+      &methods,
+      &error))
       << error;
-  ASSERT_EQ(methods.size(), 5u);
-  EXPECT_EQ(methods[3].label, "eigenvalue:2.5");
-  EXPECT_EQ(methods[3].eigenvalue, 2.5);
+  ASSERT_EQ(methods.size(), 6u);
+  EXPECT_EQ(methods[3].eigenvalue, 0.0);
+  EXPECT_EQ(methods[4].label, "eigenvalue:2.5");
+  EXPECT_EQ(methods[4].eigenvalue, 2.5);
   using Kind = RegistrationMethod::Kind;
   for (const RegistrationMethod& method : methods) {
     const auto rule = MakeRegistrationRule(method, 0.1);
@@ -214,6 +218,26 @@ TEST_F(RegistrationProgram, RefusesBadInput) {
   ExpectRefused({"--tau=0.75"}, {"--tau=0.75 is out of range"});
   ExpectRefused({"--seeds=x"}, {"--seeds"});
   ExpectRefused({"stray"}, {"stray"});
+}
+
+TEST_F(RegistrationProgram, AlignsTheCylinderOfAPublishedComparison) {
+  const std::vector<std::string> arguments = {
+      "--cylinder",
+      "--methods=odometry,gauss_newton,eigenvalue:120,determined",
+      "--seeds=3"};
+  std::vector<std::string> all = arguments;
+  all.push_back("--output=" + Path("run"));
+  const Output output = Run(all);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"same: eigenvalues of the first H: ", "others", "yaw"});
+  EXPECT_TRUE(fs::exists(Path("run/cylinder.md")));
+  const std::string csv = ReadAll(Path("run/cylinder.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + 3 * 4);
+  all.back() = "--output=" + Path("again");
+  ASSERT_EQ(Run(all).exit_code, 0);
+  EXPECT_EQ(ReadAll(Path("again/cylinder.csv")), csv);
+  ExpectRefused({"--cylinder", "--methods=determined,lm"},
+                {"--methods: the cylinder has no method 'lm'"});
 }
 
 }  // namespace registration_program_test
