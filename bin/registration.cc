@@ -138,7 +138,8 @@ bool Run(RunCounts* counts, std::string* error) {
     CylinderOptions options;
     options.noise = FLAGS_noise;
     if (FLAGS_tau > 0.0) options.tau = FLAGS_tau;
-    return StudyCylinder(methods, seeds, options, FLAGS_output, counts, error);
+    return StudyCylinder(
+        methods, seeds, options, Output().output, counts, error);
   }
   TrackOptions options;
   options.num_scans = FLAGS_scans;

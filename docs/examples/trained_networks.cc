@@ -22,11 +22,11 @@
 //             pre-images; that of |x| is a third to all of the error, and an
 //             eighth at y = 0.
 //
-// Writes trained_networks.txt: y, sqrt(y), and x of each network of the
-// ensemble; trained_networks.gp draws it.
+// example_trained_networks [FILE]: writes y, sqrt(y), and x of each network of
+// the ensemble into FILE, for trained_networks.gp.
 //
 // Exits with 0 if the tanh networks' answers inside of the training data are
-// within kTolerance of the truth, and the file is written.
+// within kTolerance of the truth, and FILE is written.
 
 #include <algorithm>
 #include <array>
@@ -249,16 +249,22 @@ MatrixXd Roots(const std::vector<TrainedNetwork>& networks, const MatrixXd& y) {
 }
 
 // Returns false if the file cannot be written.
-bool PrintEnsemble(const std::vector<TrainedNetwork>& networks) {
+bool WriteEnsemble(const std::vector<TrainedNetwork>& networks,
+                   const std::string& path) {
   const MatrixXd grid = VectorXd::LinSpaced(151, 0.0, 1.5).transpose();
   const MatrixXd x = Roots(networks, grid);
-  std::ofstream file("trained_networks.txt");
+  std::ofstream file(path);
   for (Eigen::Index j = 0; j < grid.cols(); ++j) {
     file << grid(j) << " " << std::sqrt(grid(j)) << " " << x.col(j).transpose()
          << "\n";
   }
-  // At y = 1.
-  const auto is_positive = (x.col(100).array() > 0.0).eval();
+  return !file.flush().fail();
+}
+
+void PrintEnsemble(const std::vector<TrainedNetwork>& networks) {
+  const MatrixXd x =
+      Roots(networks, MatrixXd::Constant(1, 1, 1.0));  // at y = 1
+  const auto is_positive = (x.col(0).array() > 0.0).eval();
   std::printf("%ld of %ld networks at x > 0\n",
               static_cast<long>(is_positive.count()),
               static_cast<long>(x.rows()));
@@ -278,12 +284,11 @@ bool PrintEnsemble(const std::vector<TrainedNetwork>& networks) {
                 Deviation(size),
                 std::sqrt((size.array() - std::sqrt(y)).square().mean()));
   }
-  return !file.flush().fail();
 }
 
 }  // namespace
 
-int main(int /*argc*/, char** argv) {
+int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   invgrad::SetBlasThreads(1);
   std::vector<TrainedNetwork> tanh, relu, roots;
@@ -304,8 +309,9 @@ int main(int /*argc*/, char** argv) {
 
   for (int seed = 1; seed <= 20; ++seed) roots.push_back(TrainRoot(seed));
   std::printf("An ensemble on y = x^2\n");
-  if (!PrintEnsemble(roots)) {
-    std::fprintf(stderr, "trained_networks.txt cannot be written\n");
+  PrintEnsemble(roots);
+  if (argc > 1 && !WriteEnsemble(roots, argv[1])) {
+    std::fprintf(stderr, "%s cannot be written\n", argv[1]);
     return 1;
   }
   std::printf("truth %s (tolerance %g m)\n",

@@ -1,5 +1,5 @@
-# The picture of section 6 of physical_gradients.md, from the file that
-# example_trained_networks wrote here:
+# The picture of section 6 of physical_gradients.md:
+#   example_trained_networks trained_networks.txt
 #   gnuplot trained_networks.gp
 set terminal pngcairo noenhanced size 1000,460
 set output "physical_gradients_ensemble.png"

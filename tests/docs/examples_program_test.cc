@@ -2,9 +2,9 @@
 // Each exits with 0 only if its estimates are within the tolerance that it
 // states.
 
-#include <filesystem>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "gtest/gtest.h"
 #include "tests/support/program_runner.h"
@@ -16,8 +16,9 @@ class ExamplesTest : public ProgramRunner {
  protected:
   ExamplesTest() : ProgramRunner("example_curve_fitting") {}
 
-  Output RunExample(const std::string& name) const {
-    return Wait(StartProgram("example_" + name, {}));
+  Output RunExample(const std::string& name,
+                    const std::vector<std::string>& arguments = {}) const {
+    return Wait(StartProgram("example_" + name, arguments));
   }
 
   // Every example reports each solver, counts the proposals and says how it
@@ -84,12 +85,9 @@ TEST_F(ExamplesTest, LeastDrag) {
   ExpectSays(output, {"closed form", "80 shapes, adam", "truth found"});
 }
 
-// It writes a file where it runs.
 TEST_F(ExamplesTest, TrainedNetworks) {
-  const std::filesystem::path before = std::filesystem::current_path();
-  std::filesystem::current_path(Path(""));
-  const Output output = RunExample("trained_networks");
-  std::filesystem::current_path(before);
+  const Output output =
+      RunExample("trained_networks", {Path("trained_networks.txt")});
   EXPECT_EQ(output.exit_code, 0) << output.text;
   ExpectSays(
       output,
