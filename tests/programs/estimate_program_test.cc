@@ -409,7 +409,7 @@ TEST_F(EstimateProgram, RefusesBadInput) {
   ExpectRefused({"--input=" + WriteMisra1a("Rat42")},
                 {"Rat42.dat", "2 parameters", "expected 3"});
   // The same name twice would be the same folder of results.
-  ExpectRefused({good + "," + Path("Misra1a.dat")}, {"two files", "Misra1a"});
+  ExpectRefused({good + "," + Path("Misra1a.dat")}, {"two inputs", "Misra1a"});
   ExpectRefused({good + ",," + Path("missing.dat")}, {"empty item"});
   ExpectRefused({"--input=" + WriteText("alone.g2o", "VERTEX_SE2 0 0 0 0\n")},
                 {"alone.g2o", "no edges"});

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/chain/counted_simulator.h"
 #include "gtest/gtest.h"
+#include "invgrad/chain/counted_simulator.h"
 #include "problems/burgers_initial.h"
 #include "tests/support/program_runner.h"
 #include "tests/support/simulator_identities.h"

@@ -205,15 +205,15 @@ TEST(SweepPlan, TheNetworkIsAnAxis) {
   EXPECT_EQ(last.name,
             "7-hidden-4-5-activation-relu-initialization-he-lambda-0.1-adam-"
             "batch256-seed1");
-  const DenseNetwork& network = *last.problem->model->dense_network();
+  const DenseNetwork& network = *last.learning().model->dense_network();
   EXPECT_EQ(network.widths(), (std::vector<int>{1, 4, 5, 2}));
   EXPECT_EQ(network.hidden_activation(), Activation::kRelu);
-  EXPECT_EQ(last.problem->initialization, Initialization::kHeUniform);
-  EXPECT_EQ(plan.jobs[0].problem->model->dense_network()->widths(),
+  EXPECT_EQ(last.learning().initialization, Initialization::kHeUniform);
+  EXPECT_EQ(plan.jobs[0].learning().model->dense_network()->widths(),
             (std::vector<int>{1, 3, 2}));
   // The physics of a point is made once.
-  EXPECT_EQ(&plan.jobs[5].problem->model->simulator(),
-            &plan.jobs[7].problem->model->simulator());
+  EXPECT_EQ(&plan.jobs[5].learning().model->simulator(),
+            &plan.jobs[7].learning().model->simulator());
 }
 
 TEST(SweepPlan, TheCommandLinesNetworkStandsWhereNoAxisSetsIt) {
@@ -224,7 +224,7 @@ TEST(SweepPlan, TheCommandLinesNetworkStandsWhereNoAxisSetsIt) {
   SweepBase base{"toy_network", {"4-5", "sigmoid", ""}, -1};
   ASSERT_TRUE(MakeSweepPlan(base, grid, &plan, &error)) << error;
   ASSERT_EQ(plan.jobs.size(), 2u);
-  const DenseNetwork& network = *plan.jobs[1].problem->model->dense_network();
+  const DenseNetwork& network = *plan.jobs[1].learning().model->dense_network();
   EXPECT_EQ(network.widths(), (std::vector<int>{1, 4, 5, 2}));
   EXPECT_EQ(network.hidden_activation(), Activation::kGelu);
   base.network.hidden = "4-five";

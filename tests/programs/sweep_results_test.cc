@@ -83,13 +83,13 @@ TEST(FindSweepValue, TakesTheMetricThenTheTestLoss) {
   EXPECT_EQ(find("auto"), "train loss");
   EXPECT_EQ(find("metric"),
             "--value=metric is not there; allowed: auto, train_loss");
-  LearningProblem problem = *plan.jobs[0].problem;
-  problem.test = problem.train;
-  plan.jobs[0].problem = std::make_shared<LearningProblem>(problem);
+  PhysicsProblem problem = *plan.jobs[0].problem;
+  problem.learning->test = problem.learning->train;
+  plan.jobs[0].problem = std::make_shared<PhysicsProblem>(problem);
   EXPECT_EQ(find("auto"), "test loss");
   EXPECT_EQ(find("train_loss"), "train loss");
-  problem.metric = {"x_distance", nullptr};
-  plan.jobs[0].problem = std::make_shared<LearningProblem>(problem);
+  problem.learning->metric = {"x_distance", nullptr};
+  plan.jobs[0].problem = std::make_shared<PhysicsProblem>(problem);
   EXPECT_EQ(find("auto"), "x_distance");
   EXPECT_EQ(find("test_loss"), "test loss");
   SweepValue value;

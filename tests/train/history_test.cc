@@ -119,8 +119,9 @@ TEST_F(HistoryTest, ErrorsNameFileAndLine) {
   const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n";
   EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6\n"),
             "line 3: found 6 fields, wanted 15");
-  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16\n"),
-            "line 3: found 16 fields, wanted 15");
+  EXPECT_EQ(
+      ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16\n"),
+      "line 3: found 16 fields, wanted 15");
   EXPECT_EQ(ReadError(header_ + "\n" + row),
             "line 2: found 1 fields, wanted 15");
   EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
@@ -135,9 +136,10 @@ TEST_F(HistoryTest, ErrorsNameFileAndLine) {
 }
 
 TEST_F(HistoryTest, ALineThatDoesNotEndIsTruncated) {
-  EXPECT_EQ(ReadError(header_ +
-                      "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n2,3,4,5,6,7,8,9,0.12"),
-            "line 3: the line does not end (truncated?)");
+  EXPECT_EQ(
+      ReadError(header_ +
+                "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n2,3,4,5,6,7,8,9,0.12"),
+      "line 3: the line does not end (truncated?)");
   EXPECT_EQ(ReadError(header_.substr(0, header_.size() - 1)),
             "line 1: the line does not end (truncated?)");
 }

@@ -38,7 +38,7 @@ namespace invgrad {
 // --problem it takes the problem that was registered first.
 int CompareMain(int argc, char** argv);
 
-// Trains by every rule at every point of a grid of settings.
+// Trains or minimizes by every rule at every point of a grid of settings.
 int SweepMain(int argc, char** argv);
 
 // Compares methods on several least-squares problems: --problems, by default all
