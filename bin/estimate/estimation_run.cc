@@ -197,7 +197,11 @@ bool RunOrReadEstimation(const EstimationOptions& options,
   if (!WriteRun(path, *estimation, &row, &run->report, error)) return false;
   record.status = row.status;
   record.has_failed = row.has_failed;
-  return WriteRecord(path + ".run", identity, budget, record, error);
+  if (!WriteRecord(path + ".run", identity, budget, record, &why)) {
+    Warn(why);
+    row.status += "; not kept for --resume: " + why;
+  }
+  return true;
 }
 
 }  // namespace invgrad

@@ -48,6 +48,7 @@ class Recorder {
                              "mpirun",
                              "parallel",
                              "pkg-config",
+                             "python3",
                              "sudo"}) {
       Add(std::string("tools/") + tool);
     }
