@@ -200,6 +200,7 @@ bool RunOrReadEstimation(const EstimationOptions& options,
   if (!WriteRecord(path + ".run", identity, budget, record, &why)) {
     Warn(why);
     row.status += "; not kept for --resume: " + why;
+    row.has_failed = true;
   }
   return true;
 }
