@@ -16,8 +16,8 @@
 //             0.95551, by the closed form of R for spheroids. Of all bodies
 //             the least is 0.9542 [2].
 // Expect:     the solver's shape; with 40 shapes and half-inverse steps a drag
-//             within 1e-9 of the least, with Adam's, in the same seconds, within
-//             1e-4.
+//             within 1e-9 of the least, with Adam's in the same seconds
+//             within 1e-4.
 //
 // Exits with 0 if the solver's answer is the truth, and the shapes of all
 // surrogates of 80 shapes have its drag within kTolerance.

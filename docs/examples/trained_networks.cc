@@ -51,7 +51,7 @@
 
 namespace {
 
-using namespace trained_networks;  // NOLINT: the program prints it
+using namespace trained_networks;  // NOLINT: the program's other half
 
 constexpr int kNumSeeds = 5;
 constexpr double kTolerance = 0.05;  // of p [m]
@@ -213,8 +213,8 @@ std::optional<VectorXd> InvertSquare(const VectorXd& y, const VectorXd& x_now) {
   return VectorXd::Constant(1, std::copysign(std::sqrt(y[0]), x_now[0]));
 }
 
-// As compare --problem=multimodal --rules=sip:step_size=3e-3:schedule=linear trains it from
-// this seed in 2,000 steps.
+// As compare --problem=multimodal --rules=sip:step_size=3e-3:schedule=linear
+// trains it from this seed in 2,000 steps.
 TrainedNetwork TrainRoot(int seed) {
   constexpr int kNumSamples = 2000;
   DenseNetwork network({1, 32, 32, 1}, Activation::kTanh);

@@ -48,7 +48,6 @@ Eigen::MatrixXd Bumps() {
 }
 // [/string]
 
-// [pendulum]
 // The angle [rad] after one second of a pendulum that gets the push x [1/s^2].
 struct Pendulum {
   template <typename T>
@@ -65,7 +64,6 @@ struct Pendulum {
     return true;
   }
 };
-// [/pendulum]
 
 void Report(const std::string& method, const invgrad::TrainResult& result) {
   std::printf("  %-36s loss %.1e after %ld steps\n",

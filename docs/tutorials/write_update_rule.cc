@@ -164,7 +164,6 @@ void MinimizeBy(const std::string& rule_text) {
   Print(rule_text, summary.num_steps(), &fit);
 }
 
-// [train]
 // A pendulum at rest gets a constant push x [1/s^2] for one second; y is its
 // angle [rad] then.
 struct Pendulum {
@@ -182,6 +181,7 @@ struct Pendulum {
   }
 };
 
+// [train]
 void TrainBy(const std::string& method) {
   const invgrad::Model model(
       invgrad::DenseNetwork({1, 16, 1}, invgrad::Activation::kTanh),

@@ -14,8 +14,8 @@
 // Data:    Gauss points, rows (t, x, weight); all are one batch. For testing a
 //          grid of 101 x 257 points with its faces, as in the source.
 // Metric:  L2_error, relative.
-// Facts:   u = u_0 e / (u_0 e + 1 - u_0), e = exp(rho t). Published, rho = 5, at
-//          second hand: L2 error 9.9e-3 by NysNewton-CG, 4 layers of 200
+// Facts:   u = u_0 e / (u_0 e + 1 - u_0), e = exp(rho t). Published, rho = 5,
+//          at second hand: L2 error 9.9e-3 by NysNewton-CG, 4 layers of 200
 //          neurons, with the conditions as terms of the loss.
 // Source:  Rathore, Lei, Frangella, Lu, Udell. Challenges in training PINNs: a
 //          loss landscape perspective. ICML 2024. arXiv 2402.01868.

@@ -87,10 +87,8 @@ void AddFileFlags() {
   AddFlag("information_root",
           &Flags().information_root,
           "which Cholesky factor of an edge's information weights its error: "
-          "upper, "
-          "as the format defines it; lower, as in Ceres' examples; empty: "
-          "upper, but "
-          "with --edge_error=ceres lower");
+          "upper, as the format defines it; lower, as in Ceres' examples; "
+          "empty: upper, but with --edge_error=ceres lower");
   AddFlag("separable",
           &Flags().separable,
           "on: minimize over the nonlinear parameters, from which the "

@@ -1,5 +1,5 @@
-// Files as inputs of the program `estimate`: NIST's regressions, or a formula of
-// a user on a table, bundle adjustments and pose graphs (estimation.h).
+// Files as inputs of the program `estimate`: NIST's regressions, a user's
+// formula on a table, bundle adjustments and pose graphs (estimation.h).
 #ifndef PROBLEMS_ESTIMATION_ESTIMATION_FILES_H_
 #define PROBLEMS_ESTIMATION_ESTIMATION_FILES_H_
 

@@ -4,11 +4,12 @@
 //   wall   radius 40, height 20: half of the points, uniform
 //   floor  z = 0: the other half, uniform
 //
-// A point p of the scan at the pose (R, t) has the residual of the plane through
-// the five nearest points of the target, if these are nearer than 1:
+// A point p of the scan at the pose (R, t) has the residual of the plane
+// through the five nearest points of the target, if these are nearer than 1:
 //
-//   a = argmin sum_k (a . q_k + 1)^2,   n = a / |a|,   d = n . (R p + t) + 1 / |a|
-//   r = s d,   s = 1 - 0.9 |d|,   J = s (n, p x R^T n)
+//   a = argmin sum_k (a . q_k + 1)^2,   n = a / |a|
+//   r = s d,   d = n . (R p + t) + 1 / |a|,   s = 1 - 0.9 |d|
+//   J = s (n, p x R^T n)
 //
 // s is not differentiated. A plane that is farther than 0.2 from one of its
 // five points is left out, and a point with s <= 0.1.

@@ -172,7 +172,7 @@ inline Words SmallBudget(const std::string& program) {
       program == "write_field_simulator") {
     return {"--seconds=0.01"};
   }
-  // The others have no flags, and take a few seconds at most.
+  // The others have no flags, and take seconds.
   return {};
 }
 

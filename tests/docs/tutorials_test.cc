@@ -140,7 +140,7 @@ TEST(ProposalsTutorial, RefusesUnknownRules) {
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
-// "14 with everything": the page's promise.
+// With the choice between the two solvers; without it the page has three.
 TEST(ProposalsTutorial, AddsThirteenLines) {
   const std::string source =
       ReadText(SourceRoot() / "docs/tutorials/propose_steps.cc");

@@ -154,8 +154,8 @@ TEST(Cylinder, FirstHIsThatOfTheSource) {
   }
 }
 
-// Of the same cloud the errors of the normals are the same, and plain
-// Gauss-Newton finds the truth near enough; of another cloud yaw stays unknown.
+// If scan and target have the same points, their normals have the same errors,
+// and plain Gauss-Newton ends near the truth.
 TEST(Cylinder, SameCloudsHaveTheSameErrors) {
   const Matrix3Xd points = MakeCylinder(3);
   const LocalPlanes planes(points);
