@@ -110,8 +110,9 @@ bool ListFiles(const SweepPlan& plan, std::string* error) {
 std::vector<SweepRun> LoadRuns(const SweepPlan& plan,
                                const std::string& missing) {
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, missing});
-  for (size_t i = 0; i < runs.size(); ++i)
+  for (size_t i = 0; i < runs.size(); ++i) {
     LoadJob(plan.jobs[i], Options().training, &runs[i]);
+  }
   return runs;
 }
 
