@@ -70,12 +70,6 @@ DEFINE_bool(guard_edges,
 namespace invgrad {
 namespace {
 
-// For gflags, until the program ends.
-OutputOptions& OutputFlags() {
-  static auto& options = *new OutputOptions;
-  return options;
-}
-
 bool SelectScenes(const std::string& text,
                   std::vector<Scene>* scenes,
                   std::string* error) {
@@ -113,7 +107,6 @@ bool SelectUnits(const std::string& text,
 }
 
 bool Run(RunCounts* counts, std::string* error) {
-  SetOutput(&OutputFlags());
   std::vector<Scene> scenes;
   std::vector<RegistrationMethod> methods;
   std::vector<std::string> units;
@@ -169,7 +162,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  invgrad::OutputFlags().AddFlags(/*shows_progress=*/false);
+  invgrad::AddOutputFlags(/*shows_progress=*/false);
   return invgrad::RunProgram(
       argc,
       argv,

@@ -48,12 +48,6 @@ DEFINE_int32(seed, 1, "of the initial weights");
 namespace invgrad {
 namespace {
 
-// For gflags, until the program ends.
-OutputOptions& OutputFlags() {
-  static auto& options = *new OutputOptions;
-  return options;
-}
-
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -190,7 +184,6 @@ bool Report(const Settings& settings,
 }
 
 bool Run(RunCounts* counts, std::string* error) {
-  SetOutput(&OutputFlags());
   Settings settings;
   if (!Check(&settings, error) ||
       !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
@@ -208,7 +201,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  invgrad::OutputFlags().AddFlags();
+  invgrad::AddOutputFlags();
   invgrad::Training().Add();
   return invgrad::RunProgram(argc,
                              argv,

@@ -52,12 +52,6 @@ DEFINE_double(margin,
 namespace invgrad {
 namespace {
 
-// For gflags, until the program ends.
-OutputOptions& OutputFlags() {
-  static auto& options = *new OutputOptions;
-  return options;
-}
-
 using Points = std::vector<Eigen::VectorXd>;
 
 // Centers of FLAGS_grid cells along an axis, which reach over the values and a
@@ -178,7 +172,6 @@ void Print(const PointPath& path) {
 }
 
 bool Run(RunCounts* counts, std::string* error) {
-  SetOutput(&OutputFlags());
   PhysicsProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags(
@@ -230,7 +223,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  invgrad::OutputFlags().AddFlags();
+  invgrad::AddOutputFlags();
   invgrad::RegisterProblems();
   return invgrad::RunProgram(
       argc,

@@ -67,7 +67,6 @@ bool CheckProblem(CompareOptions* options,
 
 bool Run(RunCounts* counts, std::string* error) {
   CompareOptions& options = Options();
-  SetOutput(&options.output);
   if (!CheckFlag("list_markdown", {"rules", "problems"}, error)) {
     return false;
   }

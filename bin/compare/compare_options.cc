@@ -3,6 +3,7 @@
 #include <string>
 
 #include "bin/support/flags.h"
+#include "bin/support/output_options.h"
 
 namespace invgrad {
 
@@ -41,7 +42,7 @@ void CompareOptions::AddFlags() {
   AddFlag("resume", &resume, "go on with the run in the directory");
   AddFlag(
       "init_weights", &init_weights, "initial weights (.npy) for every seed");
-  output.AddFlags();
+  AddOutputFlags();
 }
 
 }  // namespace invgrad

@@ -4,7 +4,6 @@
 
 #include <string>
 
-#include "bin/support/output_options.h"
 #include "bin/support/training_flags.h"
 
 namespace invgrad {
@@ -24,7 +23,6 @@ struct CompareOptions {
   int track_sample = 0;
   bool resume = false;
   std::string init_weights;  // a file
-  OutputOptions output;
 
   // Adds a flag for each field, under its name.
   void AddFlags();

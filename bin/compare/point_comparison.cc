@@ -8,6 +8,7 @@
 #include "bin/compare/point_report.h"
 #include "bin/support/field_plots.h"
 #include "bin/support/html_output.h"
+#include "bin/support/output_options.h"
 #include "bin/support/point_path.h"
 #include "bin/support/point_run.h"
 #include "bin/support/ranks.h"

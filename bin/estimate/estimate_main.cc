@@ -31,7 +31,6 @@ struct EstimateOptions {
   std::string seeds = "1";
   std::string levels;
   EstimationOptions run;
-  OutputOptions output;
 
   void AddFlags();
 };
@@ -84,7 +83,7 @@ void EstimateOptions::AddFlags() {
           "(problems, nist, csv), 1e-6 (bal), 1e-9 (g2o)");
   AddFlag("threads", &run.threads, "of Ceres and of the linear algebra");
   AddFlag("resume", &run.resume, "go on with the run in the directory");
-  output.AddFlags();
+  AddOutputFlags();
 }
 
 // The specifications of --problems, or all problems of the program.
@@ -192,7 +191,6 @@ bool Check(EstimateOptions* options,
 
 bool Run(RunCounts* counts, std::string* error) {
   EstimateOptions& options = Options();
-  SetOutput(&options.output);
   if (options.list) {
     if (Files().list != nullptr) std::cout << Files().list() << "\n";
     std::cout << EstimateListing();

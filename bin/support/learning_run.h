@@ -87,9 +87,8 @@ struct LearningRunResult : TrainResult {
 };
 
 // Trains, or goes on from a checkpoint, and writes the files. Returns false,
-// with
-// *error set, for bad input, a checkpoint of another run, or if a file cannot
-// be written.
+// with *error set, for bad input, a checkpoint of another run, or if a file
+// cannot be written.
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
                  const LearningRunOptions& options,

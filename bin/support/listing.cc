@@ -112,8 +112,7 @@ std::string EstimateListing() {
          RowTexts(Format::kText, Rules()) +
          "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
          "rule propose steps.\nlinear_solver is the input's own where nothing "
-         "is "
-         "said\n" +
+         "is said\n" +
          RowTexts(Format::kText, CeresMethods());
 }
 

@@ -5,6 +5,7 @@
 namespace invgrad {
 namespace {
 
+// For gflags, until the program ends.
 OutputOptions& Options() {
   static auto& options = *new OutputOptions;
   return options;
@@ -12,25 +13,26 @@ OutputOptions& Options() {
 
 }  // namespace
 
-void OutputOptions::AddFlags(bool shows_progress) {
+void AddOutputFlags(bool shows_progress) {
+  OutputOptions& options = Options();
   AddFlag("output",
-          &output,
+          &options.output,
           "directory of the results; empty: runs/ and the program's name");
-  AddFlag("overwrite", &overwrite, "replace the files of an earlier run");
-  AddFlag("plots", &plots, "draw the pictures (needs gnuplot)");
+  AddFlag(
+      "overwrite", &options.overwrite, "replace the files of an earlier run");
+  AddFlag("plots", &options.plots, "draw the pictures (needs gnuplot)");
   if (shows_progress) {
-    AddFlag("progress", &progress, "show live how the runs are doing");
+    AddFlag("progress", &options.progress, "show live how the runs are doing");
   }
 }
 
-void SetOutput(OutputOptions* options) {
-  if (options->output.empty()) {
-    options->output =
+const OutputOptions& Output() {
+  OutputOptions& options = Options();
+  if (options.output.empty()) {
+    options.output =
         std::string("runs/") + gflags::ProgramInvocationShortName();
   }
-  Options() = *options;
+  return options;
 }
-
-const OutputOptions& Output() { return Options(); }
 
 }  // namespace invgrad

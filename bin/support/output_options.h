@@ -8,18 +8,17 @@
 namespace invgrad {
 
 struct OutputOptions {
-  std::string output;      // the directory; empty: runs/PROGRAM
+  std::string output;      // the directory; by default runs/PROGRAM
   bool overwrite = false;  // the files of an earlier run
   bool plots = true;       // draws the pictures
   bool progress = true;    // shows live how the runs are doing
-
-  // Adds a flag for each field, under its name; progress if it is shown.
-  void AddFlags(bool shows_progress = true);
 };
 
-// The options of this process, for run_directory.h and others. Call it before
-// them; it sets the name of the directory if that is empty.
-void SetOutput(OutputOptions* options);
+// Adds a flag for each field, under its name; progress if it is shown. Call it
+// before RunProgram.
+void AddOutputFlags(bool shows_progress = true);
+
+// The options of this process.
 const OutputOptions& Output();
 
 }  // namespace invgrad

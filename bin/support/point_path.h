@@ -4,9 +4,9 @@
 //
 // With more than kMaxPrintedSize unknowns: iteration, L, |x|, |x - x*| and
 // seconds, then calls if the simulator does not form its Jacobian: the values
-// and products that the method has computed until then (chain/counted_simulator.h);
-// the calls of a known inverse are not counted. |x - x*| is nan if x* is not
-// known.
+// and products that the method has computed until then
+// (chain/counted_simulator.h); the calls of a known inverse are not counted.
+// |x - x*| is nan if x* is not known.
 #ifndef BIN_SUPPORT_POINT_PATH_H_
 #define BIN_SUPPORT_POINT_PATH_H_
 

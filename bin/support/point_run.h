@@ -1,7 +1,7 @@
 // A run on a point problem that is read again when it is done.
 //
-//   PREFIX-METHOD.csv   the path (point_path.h)
-//   PREFIX-METHOD.run   the same for programs (minimization_record.h)
+//   PREFIX + METHOD.csv   the path (point_path.h)
+//   PREFIX + METHOD.run   the same for programs (minimization_record.h)
 #ifndef BIN_SUPPORT_POINT_RUN_H_
 #define BIN_SUPPORT_POINT_RUN_H_
 

@@ -5,7 +5,7 @@
 //   versions.txt   versions of program and libraries
 //   files.txt      the names of the files that the run writes
 //
-// The directory is that of SetOutput (output_options.h).
+// The directory is that of Output() (output_options.h).
 #ifndef BIN_SUPPORT_RUN_DIRECTORY_H_
 #define BIN_SUPPORT_RUN_DIRECTORY_H_
 

@@ -72,7 +72,7 @@ bool LoadJob(const SweepJob& job, const TrainingFlags& flags, SweepRun* run) {
                                                        /*may_run=*/false,
                                                        &result,
                                                        &error);
-  if (!is_complete && !error.empty()) {
+  if (!error.empty()) {
     run->status = "damaged: " + error;
     return false;
   }
@@ -98,8 +98,7 @@ void RunJob(const SweepPlan& plan,
                                                    &result,
                                                    &error);
   if (!has_run) {
-    run->status =
-        error.rfind("not run: ", 0) == 0 ? error : "not run: " + error;
+    run->status = "not run: " + error;
     return;
   }
   if (result.summary.termination_type == ceres::USER_SUCCESS) {

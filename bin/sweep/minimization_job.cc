@@ -70,13 +70,15 @@ bool RunOrReadLeastSquares(const SweepJob& job,
                            why)) {
     return false;
   }
-  const MinimizerSummary& summary = run.report.minimizer;
-  SetResult(job, summary, Costs(summary), run.row.status, result);
   constexpr std::string_view kNotRun = "not run: ";
-  *why = run.row.status;
-  if (why->rfind(kNotRun, 0) != 0) return !why->empty();
-  *why = why->substr(kNotRun.size());
-  return false;
+  const std::string& status = run.row.status;
+  if (status.rfind(kNotRun, 0) == 0) {
+    *why = status.substr(kNotRun.size());
+    return false;
+  }
+  const MinimizerSummary& summary = run.report.minimizer;
+  SetResult(job, summary, Costs(summary), status, result);
+  return !status.empty();
 }
 
 bool RunOrReadPoint(const SweepJob& job,
@@ -99,9 +101,12 @@ bool RunOrReadPoint(const SweepJob& job,
                      why)) {
     return false;
   }
+  if (path.x.empty()) {
+    *why = path.status;
+    return false;
+  }
   SetResult(job, path.summary, path.loss, path.status, result);
-  *why = path.status;
-  return !path.x.empty();
+  return true;
 }
 
 }  // namespace
@@ -122,6 +127,7 @@ bool RunOrReadMinimization(const SweepJob& job,
                            bool may_run,
                            LearningRunResult* result,
                            std::string* why) {
+  why->clear();
   return job.problem->point.has_value()
              ? RunOrReadPoint(job, flags, may_run, result, why)
              : RunOrReadLeastSquares(job, flags, may_run, result, why);

@@ -1,7 +1,7 @@
 // A run of a sweep over a problem without a network.
 //
-//   DIR/jobs/NAME/METHOD.*   of a least-squares problem (estimation_run.h)
-//   DIR/jobs/NAME/METHOD.*   of a point problem (point_run.h)
+//   DIR/jobs/NAME/METHOD.*   of a least-squares problem (estimation_run.h), or
+//                            of a point problem (point_run.h)
 //
 // The seed is that of the start of a least-squares problem; a point problem has
 // one start.

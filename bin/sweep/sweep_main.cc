@@ -47,7 +47,6 @@ struct SweepOptions {
   bool collect = false;
   int blas_threads = 1;
   TrainingFlags training;
-  OutputOptions output;
 
   void AddFlags();
 };
@@ -84,7 +83,7 @@ void SweepOptions::AddFlags() {
   AddFlag(
       "blas_threads", &blas_threads, "threads of the linear algebra of a run");
   training.Add();
-  output.AddFlags();
+  AddOutputFlags();
 }
 
 // "sweep --steps=200 --job=3": for a shell.
@@ -111,8 +110,9 @@ bool ListFiles(const SweepPlan& plan, std::string* error) {
 std::vector<SweepRun> LoadRuns(const SweepPlan& plan,
                                const std::string& missing) {
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, missing});
-  for (size_t i = 0; i < runs.size(); ++i)
+  for (size_t i = 0; i < runs.size(); ++i) {
     LoadJob(plan.jobs[i], Options().training, &runs[i]);
+  }
   return runs;
 }
 
@@ -307,7 +307,6 @@ void RunOne(const SweepPlan& plan, int number, RunCounts* counts) {
 
 bool Run(RunCounts* counts, std::string* error) {
   SweepOptions& options = Options();
-  SetOutput(&options.output);
   if (options.list) {
     std::cout << Listing();
     return true;

@@ -52,7 +52,8 @@ std::string FormatDuration(double seconds) {
 Progress::Progress(const Options& options)
     : options_(options),
       is_terminal_(
-          options.is_terminal.value_or(isatty(fileno(options.out)) == 1)) {
+          options.is_terminal.value_or(isatty(fileno(options.out)) == 1)),
+      has_thread_(!options.clock) {
   if (!options_.clock) options_.clock = SteadySeconds;
 }
 

@@ -80,7 +80,7 @@ class Progress {
 
   Options options_;
   bool is_terminal_;
-  bool has_thread_;
+  const bool has_thread_;
 
   std::mutex mutex_;  // of all that follows, but for the thread
   bool is_begun_ = false;

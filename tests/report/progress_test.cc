@@ -1,6 +1,9 @@
 #include "report/progress.h"
 
 #include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <iterator>
 #include <limits>
 #include <string>
 
@@ -163,6 +166,24 @@ TEST_F(ProgressTest, AStepThatTakesLongIsShownWhileItLasts) {
     Written();
     progress.Tick();  // nothing runs
     EXPECT_EQ(Written(), "");
+  }
+}
+
+// Of this process.
+std::ptrdiff_t NumThreads() {
+  const std::filesystem::directory_iterator tasks("/proc/self/task");
+  return std::distance(begin(tasks), end(tasks));
+}
+
+TEST_F(ProgressTest, AThreadTicksByTheSteadyClockAndByNoOther) {
+  for (const bool is_steady : {false, true}) {
+    SCOPED_TRACE(is_steady);
+    Progress::Options options = Options(/*is_terminal=*/false);
+    if (is_steady) options.clock = nullptr;
+    const std::ptrdiff_t before = NumThreads();
+    Progress progress(options);
+    progress.Update(State(0, 0.0));
+    EXPECT_EQ(NumThreads(), before + (is_steady ? 1 : 0));
   }
 }
 

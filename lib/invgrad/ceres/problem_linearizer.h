@@ -3,10 +3,10 @@
 //   L = 1/2 sum_b rho_b(|r_b|^2),   y = r~, g = r~, J = dr~/dx,   H_L = I
 //
 // r~ and J are corrected for the robust losses as Ceres does [1, 2], so that
-// J^T r~ is the exact gradient of L. A g without J, which
-// is that of a trial step, has the weights of the last J, so that differences
-// of g are those of the reweighted problem that J belongs to (where rho'' <= 0,
-// as all losses of Ceres but TolerantLoss have it). Rows and columns are in the order of
+// J^T r~ is the exact gradient of L. A g without J, which is that of a trial
+// step, has the weights of the last J, so that differences of g are those of
+// the reweighted problem that J belongs to (where rho'' <= 0, as all losses of
+// Ceres but TolerantLoss have it). Rows and columns are in the order of
 // problem_structure.h; unused parameter blocks have columns of zeros.
 //
 // Shapes:  m = sum of the residual sizes;  n = sum of the tangent sizes.

@@ -217,8 +217,7 @@ class Text {
     text_ +=
         "\nequal values with parallel columns of J; two parameters of a kind, "
         "such as the rates\nof two decays, need different start values, "
-        "because "
-        "J loses rank where they coincide:\n";
+        "because J loses rank where they coincide:\n";
     AddLines(report_.equal_parameters.size(), [this](std::size_t i) {
       const RankReport::EqualParameters& equal = report_.equal_parameters[i];
       const auto name = [&](int k) {

@@ -104,12 +104,13 @@ class Engine {
 
 // Makes the engine of a phase by `rule` (null if the phase has none): a rule
 // lowers the loss of the model, a joint loss, or the proxy of a pull-back
-// through the model; a minimizer of Ceres lowers the loss. Model, data and options
-// must outlive the engine; the options have initial weights and a batch size >= 0.
-// Returns null, with *error set, for bad input: a batch size out of range, a
-// method that does not fit the model or the data (a trust region without a
-// least-squares loss, supervised training without solutions, ...), or too
-// little memory. *memory: what a step needs, "batch_size=100 needs 41 MB (...)".
+// through the model; a minimizer of Ceres lowers the loss. Model, data and
+// options must outlive the engine; the options have initial weights and a batch
+// size >= 0. Returns null, with *error set, for bad input: a batch size out of
+// range, a method that does not fit the model or the data (a trust region
+// without a least-squares loss, supervised training without solutions, ...), or
+// too little memory. *memory: what a step needs, "batch_size=100 needs 41 MB
+// (...)".
 std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    std::shared_ptr<UpdateRule> rule,
                                    const Model& model,
@@ -119,8 +120,8 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    std::string* error);
 
 // The engine of a minimizer of Ceres on all samples, with or without proposals
-// of its rule or pull-back. Every iteration, also a rejected one, is a step and an epoch. Ends
-// when the solve ends by itself; has no state for a checkpoint.
+// of its rule or pull-back. Every iteration, also a rejected one, is a step and
+// an epoch. Ends when the solve ends by itself; has no state for a checkpoint.
 std::unique_ptr<Engine> MakeCeresEngine(
     const Phase& phase,
     const Model* model,

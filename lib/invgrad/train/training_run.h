@@ -1,7 +1,6 @@
 // The loop of a training run, behind TrainingRun (train.h): training_run.cc has
 // the steps and phases, training_budget.cc the position in the budget and what
-// steps cost,
-// train_setup.cc construction and checkpoint.
+// steps cost, train_setup.cc construction and checkpoint.
 //
 // A phase may be a trial: it hands over to the next one where it stalls, diverges
 // or exhausts the patience early. The next one then begins with the trial's first
