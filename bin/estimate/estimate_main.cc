@@ -125,6 +125,7 @@ bool AddProblem(const std::string& specification,
 bool CheckNames(const std::vector<EstimationInput>& inputs,
                 std::string* error) {
   std::vector<std::string> names;
+  names.reserve(inputs.size());
   for (const EstimationInput& input : inputs) names.push_back(input.name);
   std::sort(names.begin(), names.end());
   const auto twice = std::adjacent_find(names.begin(), names.end());

