@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -12,7 +11,6 @@
 namespace invgrad {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr auto kLeft = Table::Align::kLeft;
 
 bool HasDigits(const std::vector<EstimationRow>& rows) {
@@ -156,7 +154,7 @@ Table EstimationTable(const std::vector<EstimationRow>& rows,
     table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
     for (size_t i = 0; i < levels.size(); ++i) {
       const double seconds =
-          i < row.seconds_to.size() ? row.seconds_to[i] : kNan;
+          i < row.seconds_to.size() ? row.seconds_to[i] : std::nan("");
       const std::string level = FormatNumber(levels[i]);
       const bool is_never = is_exact && std::isnan(seconds);
       table.Add((is_exact ? "seconds_to_" : "s to ") + level,

@@ -1,6 +1,6 @@
 #include "bin/support/point_run.h"
 
-#include <limits>
+#include <cmath>
 
 #include "bin/support/minimization_record.h"
 #include "bin/support/run_directory.h"
@@ -10,8 +10,6 @@
 
 namespace invgrad {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // The simulator is identified by its value at the start.
 RunIdentity IdentityOf(const PointProblem& problem, const Method& method) {
@@ -32,8 +30,10 @@ RunIdentity IdentityOf(const PointProblem& problem, const Method& method) {
 Eigen::MatrixXd PointsOf(const PointProblem& problem, const PointPath& path) {
   const Eigen::Index num_x = problem.start.size();
   const Eigen::Index num_y = problem.target.size();
-  Eigen::MatrixXd points = Eigen::MatrixXd::Constant(
-      num_x + num_y + 2, static_cast<Eigen::Index>(path.x.size()), kNan);
+  Eigen::MatrixXd points =
+      Eigen::MatrixXd::Constant(num_x + num_y + 2,
+                                static_cast<Eigen::Index>(path.x.size()),
+                                std::nan(""));
   for (size_t k = 0; k < path.x.size(); ++k) {
     auto point = points.col(k);
     point.head(num_x) = path.x[k];
