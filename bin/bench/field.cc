@@ -24,15 +24,15 @@ namespace {
 
 using Eigen::VectorXd;
 
-struct Case {
+struct FieldCase {
   std::string name;
   std::shared_ptr<const Simulator> simulator;
   VectorXd x;
   VectorXd context;
 };
 
-std::vector<Case> MakeCases() {
-  std::vector<Case> cases;
+std::vector<FieldCase> MakeFieldCases() {
+  std::vector<FieldCase> cases;
   for (const int cells : {32, 64}) {
     NavierStokesSettings settings;
     settings.cells = cells;
@@ -51,9 +51,9 @@ std::vector<Case> MakeCases() {
   return cases;
 }
 
-const Case& CaseOf(const std::string& name) {
-  static const auto& cases = *new std::vector<Case>(MakeCases());
-  return *std::find_if(cases.begin(), cases.end(), [&](const Case& each) {
+const FieldCase& CaseOf(const std::string& name) {
+  static const auto& cases = *new std::vector<FieldCase>(MakeFieldCases());
+  return *std::find_if(cases.begin(), cases.end(), [&](const FieldCase& each) {
     return each.name == name;
   });
 }
@@ -61,7 +61,7 @@ const Case& CaseOf(const std::string& name) {
 void Measure(const std::string& name,
              const std::string& method,
              benchmark::State* state) {
-  const Case& at = CaseOf(name);
+  const FieldCase& at = CaseOf(name);
   const Simulator& simulator = *at.simulator;
   const double* x = at.x.data();
   const double* context = at.context.data();

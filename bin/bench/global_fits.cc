@@ -28,8 +28,8 @@ namespace {
 
 const Eigen::Vector3d kRates(0.2, 1.0, 4.0);
 const Eigen::Vector3d kStartRates(0.1, 0.8, 6.0);
-constexpr double kNoise = 0.01;
-constexpr int kSamples = 100;  // of a right-hand side
+constexpr double kGlobalNoise = 0.01;
+constexpr int kGlobalSamples = 100;  // of a right-hand side
 
 // [features]
 // Columns of Phi: exp(-a_j t), for three decays.
@@ -69,14 +69,15 @@ struct GlobalData {
   Eigen::MatrixXd Y;
 
   explicit GlobalData(int num_sides)
-      : t(Eigen::VectorXd::LinSpaced(kSamples, 0.0, 5.0)),
-        Y(kSamples, num_sides) {
+      : t(Eigen::VectorXd::LinSpaced(kGlobalSamples, 0.0, 5.0)),
+        Y(kGlobalSamples, num_sides) {
     NumpyRandom random(1);
     const ThreeDecays decays{t};
-    Eigen::MatrixXd Phi(kSamples, 3);
+    Eigen::MatrixXd Phi(kGlobalSamples, 3);
     decays(kRates.data(), Phi.data());
     for (int k = 0; k < num_sides; ++k) {
-      Y.col(k) = Phi * random.Rand(3, 1) + kNoise * random.Normal(kSamples);
+      Y.col(k) = Phi * random.Rand(3, 1) +
+                 kGlobalNoise * random.Normal(kGlobalSamples);
     }
   }
 };
@@ -92,7 +93,7 @@ struct FullProblem {
     for (Eigen::Index k = 0; k < C.cols(); ++k) {
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<Side, ceres::DYNAMIC, 3, 3>(
-              new Side{{data.t}, data.Y.col(k)}, kSamples),
+              new Side{{data.t}, data.Y.col(k)}, kGlobalSamples),
           nullptr,
           C.col(k).data(),
           a.data());

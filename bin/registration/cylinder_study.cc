@@ -94,16 +94,16 @@ class Stepper {
   DeterminedStep determined_;
 };
 
-using Runs = std::vector<const CylinderRun*>;
+using CylinderRuns = std::vector<const CylinderRun*>;
 
 template <typename Value>
-double Median(const Runs& runs, const Value& value) {
+double Median(const CylinderRuns& runs, const Value& value) {
   std::vector<double> values;
   for (const CylinderRun* run : runs) values.push_back(value(*run));
   return SeedSpread(values).median;
 }
 
-std::string LeftAloneText(const Runs& runs) {
+std::string LeftAloneText(const CylinderRuns& runs) {
   const auto less = [](const CylinderRun* a, const CylinderRun* b) {
     return a->num_left_alone < b->num_left_alone;
   };
@@ -114,7 +114,7 @@ std::string LeftAloneText(const Runs& runs) {
   return low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
 }
 
-void AddRow(const Runs& runs, Table* table) {
+void AddRow(const CylinderRuns& runs, Table* table) {
   const auto add = [&](const std::string& title, const auto& value) {
     table->Add(title, fmt::format("{:.4f}", Median(runs, value)));
   };
@@ -155,7 +155,7 @@ Table AllRuns(const std::vector<CylinderRun>& runs) {
   return csv;
 }
 
-void PrintEigenvalues(const Runs& runs) {
+void PrintEigenvalues(const CylinderRuns& runs) {
   fmt::print("{}: eigenvalues of the first H:", runs[0]->clouds);
   for (int i = 0; i < 6; ++i) {
     fmt::print(" {:.3g}", Median(runs, [i](const CylinderRun& run) {
@@ -238,7 +238,7 @@ bool StudyCylinder(const std::vector<RegistrationMethod>& methods,
   }
   Table table;
   for (size_t first = 0; first < runs.size();) {
-    Runs group;
+    CylinderRuns group;
     while (first < runs.size() &&
            (group.empty() || (runs[first].clouds == group[0]->clouds &&
                               runs[first].method == group[0]->method))) {
