@@ -10,6 +10,7 @@
 #include "invgrad/core/specification.h"
 #include "invgrad/minimize.h"
 #include "invgrad/random.h"
+#include "invgrad/rules.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {
