@@ -125,6 +125,60 @@ Plot SamplePathPlot(const LearningProblem& problem,
   return plot;
 }
 
+// The mean activation in the band of its deviation, against steps.
+Plot ActivationPlot(const LearningRunResult& run) {
+  Plot plot;
+  plot.x_label = "step";
+  plot.y_label = "activation, mean and deviation";
+  plot.log_x = true;
+  plot.y_range = {-0.5, 1.2};
+  Series& series = plot.series.emplace_back();
+  for (size_t i = 0; i < run.neurons.size(); ++i) {
+    const PooledActivation pooled = PoolActivations(run.neurons[i]);
+    series.x.push_back(static_cast<double>(run.history[i].step));
+    series.y.push_back(pooled.mean);
+    series.y_low.push_back(pooled.mean - pooled.deviation);
+    series.y_high.push_back(pooled.mean + pooled.deviation);
+  }
+  return plot;
+}
+
+// The same axes for all methods: loss, activation, sample path.
+std::vector<Plot> MethodPlots(const LearningProblem& problem,
+                              int tracked_sample,
+                              const Runs& runs) {
+  std::vector<Plot> plots;
+  std::vector<double> losses, y0, y1;
+  const std::vector<std::string> names = Names(runs);
+  for (size_t k = 0; k < runs.size(); ++k) {
+    if (runs[k]->neurons.empty() || runs[k]->sample_path.empty()) continue;
+    plots.push_back(
+        CurvePlot({runs[k]}, "train loss", &HistoryRow::train_loss, false));
+    plots.push_back(ActivationPlot(*runs[k]));
+    plots.push_back(SamplePathPlot(problem, tracked_sample, {runs[k]}));
+    const auto panels = plots.end() - 3;
+    for (auto panel = panels; panel != plots.end(); ++panel) {
+      panel->title = names[k];
+      panel->series[0].title.clear();
+      panel->series[0].color = static_cast<int>(k);
+    }
+    panels[2].series.back().color = 6;  // the target, black for all methods
+    for (const Series& path : panels[2].series) {
+      y0.insert(y0.end(), path.x.begin(), path.x.end());
+      y1.insert(y1.end(), path.y.begin(), path.y.end());
+    }
+    losses.insert(losses.end(),
+                  panels[0].series[0].y.begin(),
+                  panels[0].series[0].y.end());
+  }
+  for (size_t i = 0; i < plots.size(); i += 3) {
+    plots[i].y_range = RangeOf(losses, true);
+    plots[i + 2].x_range = RangeOf(y0, false);
+    plots[i + 2].y_range = RangeOf(y1, false);
+  }
+  return plots;
+}
+
 // The learned function of a network with one input and one output: x over the
 // input, and the solutions of the data.
 Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
@@ -215,6 +269,13 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
                         0,
                         "The way of one training sample through y space in "
                         "training: a straight line to the target is best."});
+    pictures.push_back(
+        {directory + "/methods.png",
+         MethodPlots(problem, tracked_sample, runs),
+         3,
+         "A row a method: the train loss, the mean activation of the hidden "
+         "neurons in the band of its deviation (saturated: 1, no band), and "
+         "the way of one training sample."});
   }
   return pictures;
 }
