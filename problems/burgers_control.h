@@ -58,8 +58,8 @@ struct BurgersControl {
   static constexpr double kEndTime = 0.96;
   static constexpr int kMaxNumCells = 64;
 
-  int num_cells = 32;
-  int horizon = 6;
+  int num_cells = 16;
+  int horizon = 4;
   double control_weight = 0.03;
   int num_samples = 512;
   int data_seed = 0;

@@ -131,7 +131,6 @@ Plot ActivationPlot(const LearningRunResult& run) {
   plot.x_label = "step";
   plot.y_label = "activation, mean and deviation";
   plot.log_x = true;
-  plot.y_range = {-0.5, 1.2};
   Series& series = plot.series.emplace_back();
   for (size_t i = 0; i < run.neurons.size(); ++i) {
     const PooledActivation pooled = PoolActivations(run.neurons[i]);
@@ -143,38 +142,45 @@ Plot ActivationPlot(const LearningRunResult& run) {
   return plot;
 }
 
-// The same axes for all methods: loss, activation, sample path.
+// The same axes for all methods: loss, activation, sample path. The window of
+// the paths reaches from the target half as far again as the start.
 std::vector<Plot> MethodPlots(const LearningProblem& problem,
                               int tracked_sample,
                               const Runs& runs) {
+  const Eigen::VectorXd target = problem.train.targets.col(tracked_sample);
   std::vector<Plot> plots;
-  std::vector<double> losses, y0, y1;
+  std::vector<double> losses, activations;
+  const auto append = [](const std::vector<double>& from,
+                         std::vector<double>* to) {
+    to->insert(to->end(), from.begin(), from.end());
+  };
+  double reach = 1e-9;
   const std::vector<std::string> names = Names(runs);
   for (size_t k = 0; k < runs.size(); ++k) {
-    if (runs[k]->neurons.empty() || runs[k]->sample_path.empty()) continue;
-    plots.push_back(
-        CurvePlot({runs[k]}, "train loss", &HistoryRow::train_loss, false));
-    plots.push_back(ActivationPlot(*runs[k]));
-    plots.push_back(SamplePathPlot(problem, tracked_sample, {runs[k]}));
-    const auto panels = plots.end() - 3;
-    for (auto panel = panels; panel != plots.end(); ++panel) {
-      panel->title = names[k];
-      panel->series[0].title.clear();
-      panel->series[0].color = static_cast<int>(k);
-    }
+    const LearningRunResult& run = *runs[k];
+    if (run.neurons.empty() || run.sample_path.empty()) continue;
+    Plot panels[] = {
+        CurvePlot({&run}, "train loss", &HistoryRow::train_loss, false),
+        ActivationPlot(run),
+        SamplePathPlot(problem, tracked_sample, {&run})};
+    append(panels[0].series[0].y, &losses);
+    append(panels[1].series[0].y_low, &activations);
+    append(panels[1].series[0].y_high, &activations);
+    const Eigen::VectorXd way = target - run.sample_path.front();
+    reach = std::max(reach, 1.5 * way.head(2).lpNorm<Eigen::Infinity>());
     panels[2].series.back().color = 6;  // the target, black for all methods
-    for (const Series& path : panels[2].series) {
-      y0.insert(y0.end(), path.x.begin(), path.x.end());
-      y1.insert(y1.end(), path.y.begin(), path.y.end());
+    for (Plot& panel : panels) {
+      panel.title = names[k];
+      panel.series[0].color = static_cast<int>(k);
+      for (Series& series : panel.series) series.title.clear();
+      plots.push_back(panel);
     }
-    losses.insert(losses.end(),
-                  panels[0].series[0].y.begin(),
-                  panels[0].series[0].y.end());
   }
   for (size_t i = 0; i < plots.size(); i += 3) {
     plots[i].y_range = RangeOf(losses, true);
-    plots[i + 2].x_range = RangeOf(y0, false);
-    plots[i + 2].y_range = RangeOf(y1, false);
+    plots[i + 1].y_range = RangeOf(activations, false);
+    plots[i + 2].x_range = {target[0] - reach, target[0] + reach};
+    plots[i + 2].y_range = {target[1] - reach, target[1] + reach};
   }
   return plots;
 }
@@ -275,7 +281,7 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
          3,
          "A row a method: the train loss, the mean activation of the hidden "
          "neurons in the band of its deviation (saturated: 1, no band), and "
-         "the way of one training sample."});
+         "the way of one training sample to its target, the square."});
   }
   return pictures;
 }
