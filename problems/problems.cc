@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "invgrad/compare/compare.h"
+#include "problems/burgers_control.h"
 #include "problems/burgers_initial.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
@@ -69,6 +70,11 @@ void RegisterSystems() {
       "oscillator_correction",
       "s_{t+1} = coarse(s_t) + dt f(s_t), L = 1/T sum_t |s_t - s*_t|^2",
       "the setting of Um et al., NeurIPS 2020, for oscillator_chain");
+  RegisterProblem<BurgersControl>(
+      "burgers_control",
+      "u_t + u u_x = nu u_xx + f(u_t, t, u*), L = 1/n |u_T - u*|^2 + "
+      "control_weight dt / n sum_t |f_t|^2",
+      "PBDL diffphys-control, reinflearn-code; ICLR 2020");
   RegisterProblem<QuantumDipole>(
       "quantum_dipole",
       "i psi' = (-d_xx + u(t) x) psi, L = 1 - |<y*|psi(T)>|^2",

@@ -125,6 +125,66 @@ Plot SamplePathPlot(const LearningProblem& problem,
   return plot;
 }
 
+// The mean activation in the band of its deviation, against steps.
+Plot ActivationPlot(const LearningRunResult& run) {
+  Plot plot;
+  plot.x_label = "step";
+  plot.y_label = "activation, mean and deviation";
+  plot.log_x = true;
+  Series& series = plot.series.emplace_back();
+  for (size_t i = 0; i < run.neurons.size(); ++i) {
+    const PooledActivation pooled = PoolActivations(run.neurons[i]);
+    series.x.push_back(static_cast<double>(run.history[i].step));
+    series.y.push_back(pooled.mean);
+    series.y_low.push_back(pooled.mean - pooled.deviation);
+    series.y_high.push_back(pooled.mean + pooled.deviation);
+  }
+  return plot;
+}
+
+// The same axes for all methods: loss, activation, sample path. The window of
+// the paths reaches from the target half as far again as the start.
+std::vector<Plot> MethodPlots(const LearningProblem& problem,
+                              int tracked_sample,
+                              const Runs& runs) {
+  const Eigen::VectorXd target = problem.train.targets.col(tracked_sample);
+  std::vector<Plot> plots;
+  std::vector<double> losses, activations;
+  const auto append = [](const std::vector<double>& from,
+                         std::vector<double>* to) {
+    to->insert(to->end(), from.begin(), from.end());
+  };
+  double reach = 1e-9;
+  const std::vector<std::string> names = Names(runs);
+  for (size_t k = 0; k < runs.size(); ++k) {
+    const LearningRunResult& run = *runs[k];
+    if (run.neurons.empty() || run.sample_path.empty()) continue;
+    Plot panels[] = {
+        CurvePlot({&run}, "train loss", &HistoryRow::train_loss, false),
+        ActivationPlot(run),
+        SamplePathPlot(problem, tracked_sample, {&run})};
+    append(panels[0].series[0].y, &losses);
+    append(panels[1].series[0].y_low, &activations);
+    append(panels[1].series[0].y_high, &activations);
+    const Eigen::VectorXd way = target - run.sample_path.front();
+    reach = std::max(reach, 1.5 * way.head(2).lpNorm<Eigen::Infinity>());
+    panels[2].series.back().color = 6;  // the target, black for all methods
+    for (Plot& panel : panels) {
+      panel.title = names[k];
+      panel.series[0].color = static_cast<int>(k);
+      for (Series& series : panel.series) series.title.clear();
+      plots.push_back(panel);
+    }
+  }
+  for (size_t i = 0; i < plots.size(); i += 3) {
+    plots[i].y_range = RangeOf(losses, true);
+    plots[i + 1].y_range = RangeOf(activations, false);
+    plots[i + 2].x_range = {target[0] - reach, target[0] + reach};
+    plots[i + 2].y_range = {target[1] - reach, target[1] + reach};
+  }
+  return plots;
+}
+
 // The learned function of a network with one input and one output: x over the
 // input, and the solutions of the data.
 Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
@@ -215,6 +275,13 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
                         0,
                         "The way of one training sample through y space in "
                         "training: a straight line to the target is best."});
+    pictures.push_back(
+        {directory + "/methods.png",
+         MethodPlots(problem, tracked_sample, runs),
+         3,
+         "A row a method: the train loss, the mean activation of the hidden "
+         "neurons in the band of its deviation (saturated: 1, no band), and "
+         "the way of one training sample to its target, the square."});
   }
   return pictures;
 }

@@ -11,6 +11,10 @@
 //   DIR/solution.png     the solution of a differential equation and its error
 //                        (field_plots.h)
 //   DIR/sample_path.png  the tracked sample in the plane of y_0 and y_1
+//   DIR/methods.png      of a small network, three panels a method: the train
+//                        loss, the activations' mean and deviation over all
+//                        neurons (neuron_statistics.h) and samples, and the
+//                        tracked sample
 #ifndef BIN_COMPARE_LEARNING_PLOTS_H_
 #define BIN_COMPARE_LEARNING_PLOTS_H_
 

@@ -42,6 +42,25 @@ TEST(NeuronStatistics, MomentsAreThoseOfTheActivations) {
               1e-15);
 }
 
+// Directly, over the activations of both neurons, of which the first has a
+// negative mean.
+TEST(NeuronStatistics, PoolIsThatOfAllActivationsUpToSigns) {
+  const DenseNetwork network({1, 2, 1}, Activation::kTanh);
+  const double inputs[] = {-0.3, 0.1, 0.4};
+  Eigen::ArrayXd a(6);
+  for (int i = 0; i < 3; ++i) {
+    a[i] = -std::tanh(2.0 * inputs[i] - 0.5);
+    a[3 + i] = std::tanh(inputs[i]);
+  }
+  ASSERT_GT(a.head(3).mean(), 0.0);
+  ASSERT_GT(a.tail(3).mean(), 0.0);
+  const PooledActivation pooled = PoolActivations(ComputeNeuronStatistics(
+      network, Weights(2.0, -0.5), Inputs({-0.3, 0.1, 0.4})));
+  EXPECT_NEAR(pooled.mean, a.mean(), 1e-15);
+  EXPECT_NEAR(
+      pooled.deviation, std::sqrt((a - a.mean()).square().mean()), 1e-14);
+}
+
 TEST(NeuronStatistics, NeuronsAreNumberedLayerByLayer) {
   const DenseNetwork network({2, 3, 2, 1}, Activation::kTanh);
   DataSet data;

@@ -159,7 +159,8 @@ INSTANTIATE_TEST_SUITE_P(
                     "oscillator_tracking",
                     "oscillator_tracking:num_oscillators=3:coupling=cubic",
                     "oscillator_correction",
-                    "oscillator_correction:num_oscillators=3"));
+                    "oscillator_correction:num_oscillators=3",
+                    "burgers_control:num_cells=8:num_samples=16"));
 
 INSTANTIATE_TEST_SUITE_P(
     FunctorProblems,
@@ -167,7 +168,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values("oscillator_tracking",
                     "oscillator_tracking:num_oscillators=3:coupling=cubic",
                     "oscillator_correction",
-                    "oscillator_correction:num_oscillators=3"));
+                    "oscillator_correction:num_oscillators=3",
+                    "burgers_control:num_cells=8:num_samples=16"));
 
 }  // namespace simulator_lanes_test
 }  // namespace invgrad

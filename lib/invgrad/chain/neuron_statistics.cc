@@ -1,6 +1,9 @@
 #include "invgrad/chain/neuron_statistics.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "glog/logging.h"
 
 namespace invgrad {
 
@@ -39,6 +42,22 @@ int CountSaturated(const std::vector<NeuronStatistics>& neurons) {
   int count = 0;
   for (const NeuronStatistics& neuron : neurons) count += neuron.is_saturated();
   return count;
+}
+
+PooledActivation PoolActivations(const std::vector<NeuronStatistics>& neurons) {
+  CHECK(!neurons.empty());
+  const auto count = static_cast<double>(neurons.size());
+  PooledActivation pooled;
+  double mean_square = 0.0;
+  for (const NeuronStatistics& neuron : neurons) {
+    pooled.mean += std::abs(neuron.mean) / count;
+    mean_square +=
+        (neuron.mean * neuron.mean + neuron.deviation * neuron.deviation) /
+        count;
+  }
+  pooled.deviation =
+      std::sqrt(std::max(0.0, mean_square - pooled.mean * pooled.mean));
+  return pooled;
 }
 
 }  // namespace invgrad

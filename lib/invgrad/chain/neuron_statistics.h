@@ -36,6 +36,15 @@ std::vector<NeuronStatistics> ComputeNeuronStatistics(
 
 int CountSaturated(const std::vector<NeuronStatistics>& neurons);
 
+// The mean and the deviation over all neurons and samples, each neuron with the
+// sign that makes its mean positive: as tanh is odd, the sign of a neuron is
+// arbitrary. All neurons saturated: mean 1, deviation 0. At least one neuron.
+struct PooledActivation {
+  double mean = 0.0;
+  double deviation = 0.0;
+};
+PooledActivation PoolActivations(const std::vector<NeuronStatistics>& neurons);
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_CHAIN_NEURON_STATISTICS_H_
