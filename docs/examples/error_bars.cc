@@ -241,8 +241,7 @@ Calibration PrintChain(int num_networks) {
     return CalibrateChain(setting, num_networks);
   };
   const Calibration exact = CalibrateChain({600}, num_networks, &exact_beyond);
-  const Calibration noisy =
-      CalibrateChain({600, 0.2}, num_networks, &noisy_beyond);
+  Calibration noisy = CalibrateChain({600, 0.2}, num_networks, &noisy_beyond);
   PrintRow("chain, 600 states", exact);
   PrintRow("  beyond the data", exact_beyond);
   PrintRow("  noise 0.05", calibrate({600, 0.05}));

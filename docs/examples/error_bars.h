@@ -151,8 +151,9 @@ inline Residuals ResidualsOf(const invgrad::Model& model,
   CHECK(model.Linearize(
       weights, samples, invgrad::LinearizationParts::Jacobian(), &at_w, &error))
       << error;
-  const double scale = 2.0 * model.loss().SquaredNormFactor().value() *
-                       model.BatchScale(samples.num_samples());
+  const auto factor = model.loss().SquaredNormFactor();
+  CHECK(factor.has_value()) << "the loss is not a squared norm";
+  const double scale = 2.0 * *factor * model.BatchScale(samples.num_samples());
   Residuals residuals;
   at_w.jacobian->ToDense(&residuals.J);
   residuals.r = at_w.loss_gradient / scale;
