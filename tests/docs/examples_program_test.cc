@@ -85,6 +85,13 @@ TEST_F(ExamplesTest, LeastDrag) {
   ExpectSays(output, {"closed form", "80 shapes, adam", "truth found"});
 }
 
+// It fails if the error bars do not cover the errors that noise makes.
+TEST_F(ExamplesTest, ErrorBars) {
+  const Output output = RunExample("error_bars", {"2"});
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"prior: evidence", "beyond the data", "Burgers, "});
+}
+
 TEST_F(ExamplesTest, TrainedNetworks) {
   const Output output =
       RunExample("trained_networks", {Path("trained_networks.txt")});
