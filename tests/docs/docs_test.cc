@@ -217,14 +217,18 @@ TEST(Docs, FilesInTheTextExist) {
   EXPECT_GT(num_files, 0);
 }
 
-// What compare --list_markdown prints for docs/rules.md or docs/problems.md.
-std::string PrintedPage(const std::string& page) {
+// What compare prints with a flag.
+std::string Printed(const std::string& flag) {
   const TemporaryFolder folder;
-  const std::string printed = folder / (page + ".md");
-  const std::string command =
-      BinDir() + "/compare --list_markdown=" + page + " > " + printed;
+  const std::string printed = folder / "printed";
+  const std::string command = BinDir() + "/compare " + flag + " > " + printed;
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   return ReadText(printed);
+}
+
+// What compare prints for docs/rules.md or docs/problems.md.
+std::string PrintedPage(const std::string& page) {
+  return Printed("--list_markdown=" + page);
 }
 
 // docs/rules.md and docs/problems.md are printed from the tables.
@@ -263,6 +267,65 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
       if (num_cells == 4) ++num_options;
     }
     EXPECT_GT(num_options, 30) << page;
+  }
+}
+
+// A section of a page, up to the next one; empty if there is none.
+std::string Section(const std::string& page, const std::string& name) {
+  const std::string heading = "## " + name + "\n";
+  const size_t begin = page.find(heading);
+  if (begin == std::string::npos) return "";
+  const size_t end = page.find("\n#", begin + heading.size());
+  return page.substr(begin, end - begin);
+}
+
+bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// Options that many rows share stand once, above the sections.
+TEST(Docs, SectionsAndCommonOptionsSayWhatTheListingSays) {
+  const std::regex entry("  (\\w+)");
+  const std::regex option("      (\\w+)=(\\S*) .*");
+  const std::string rules = PrintedPage("rules");
+  const std::string problems = PrintedPage("problems");
+  std::string section;
+  std::string common;
+  int num_options = 0;
+  for (const std::string& line : SplitLines(Printed("--list"))) {
+    std::smatch match;
+    if (std::regex_match(line, match, entry)) {
+      const std::string& page =
+          Section(rules, match[1]).empty() ? problems : rules;
+      section = Section(page, match[1]);
+      common = Section(page, "Common options");
+      EXPECT_FALSE(section.empty()) << line;
+    } else if (std::regex_match(line, match, option)) {
+      const std::string name = match[1];
+      const std::string row = "| `" + name + "` | " + match[2].str() + " |";
+      EXPECT_TRUE(Contains(section, row) ||
+                  Contains(section, "`" + name + "=" + match[2].str() + "`") ||
+                  (Contains(section, "`" + name + "`") &&
+                   !Contains(section, "| `" + name + "`") &&
+                   Contains(common, row)))
+          << line << " is not in\n"
+          << section;
+      ++num_options;
+    }
+  }
+  EXPECT_GT(num_options, 300);
+}
+
+TEST(Docs, CommonOptionsHaveOneMeaning) {
+  for (const std::string page : {"rules", "problems"}) {
+    const std::string common = Section(PrintedPage(page), "Common options");
+    std::set<std::string> names;
+    for (const std::string& line : SplitLines(common)) {
+      if (line.rfind("| `", 0) != 0) continue;
+      EXPECT_TRUE(names.insert(line.substr(0, line.find("` |"))).second)
+          << page << ": " << line;
+    }
+    EXPECT_GT(names.size(), 10u) << page;
   }
 }
 
