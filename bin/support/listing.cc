@@ -202,6 +202,7 @@ std::string RulesMarkdown() {
 
 std::string ProblemsMarkdown() {
   std::vector<Entry> entries;
+  entries.reserve(Problems().size());
   for (const ProblemRow& row : Problems()) {
     entries.push_back({row.name,
                        row.equation + "\n\nSource: " + row.source + "." +
