@@ -16,19 +16,19 @@ namespace invgrad {
 
 namespace {
 
-using Options = std::vector<OptionSet::Row>;
+using OptionRows = std::vector<OptionSet::Row>;
 
 // What the tables of problems and methods have in common.
-struct Entry {
+struct ListingEntry {
   std::string name;
   std::string about;
-  Options options;
+  OptionRows options;
 };
 
 // The rows of a table of rules, minimizers of Ceres, or pull-backs.
 template <typename Rows>
-std::vector<Entry> Methods(const Rows& rows) {
-  std::vector<Entry> entries;
+std::vector<ListingEntry> MethodEntries(const Rows& rows) {
+  std::vector<ListingEntry> entries;
   entries.reserve(rows.size());
   for (const auto& row : rows) {
     entries.push_back({row.name, row.formula, row.options()});
@@ -36,9 +36,9 @@ std::vector<Entry> Methods(const Rows& rows) {
   return entries;
 }
 
-std::string Text(const std::vector<Entry>& entries) {
+std::string ListingText(const std::vector<ListingEntry>& entries) {
   std::string text;
-  for (const Entry& entry : entries) {
+  for (const ListingEntry& entry : entries) {
     text += fmt::format("  {}\n    {}\n", entry.name, entry.about);
     for (const OptionSet::Row& option : entry.options) {
       text += fmt::format("      {:<28} {}; {}\n",
@@ -50,7 +50,7 @@ std::string Text(const std::vector<Entry>& entries) {
   return text;
 }
 
-std::string OptionTable(const Options& options) {
+std::string OptionTable(const OptionRows& options) {
   std::string text =
       "| option | default | allowed | meaning |\n|---|---|---|---|\n";
   for (const OptionSet::Row& option : options) {
@@ -65,12 +65,12 @@ std::string OptionTable(const Options& options) {
 
 // The options that at least three entries have with the same meaning, with the
 // default and the range of the first of them.
-Options CommonOptions(const std::vector<Entry>& entries) {
-  std::map<std::pair<std::string, std::string>, Options> same;
-  Options common;
-  for (const Entry& entry : entries) {
+OptionRows CommonOptions(const std::vector<ListingEntry>& entries) {
+  std::map<std::pair<std::string, std::string>, OptionRows> same;
+  OptionRows common;
+  for (const ListingEntry& entry : entries) {
     for (const OptionSet::Row& option : entry.options) {
-      Options& options = same[{option.name, option.help}];
+      OptionRows& options = same[{option.name, option.help}];
       options.push_back(option);
       if (options.size() == 3) common.push_back(options.front());
     }
@@ -78,9 +78,10 @@ Options CommonOptions(const std::vector<Entry>& entries) {
   return common;
 }
 
-std::string Markdown(const Entry& entry, const Options& common) {
+std::string ListingMarkdown(const ListingEntry& entry,
+                            const OptionRows& common) {
   std::string names;
-  Options own;
+  OptionRows own;
   for (const OptionSet::Row& option : entry.options) {
     const auto shared = std::find_if(
         common.begin(), common.end(), [&option](const OptionSet::Row& row) {
@@ -107,13 +108,14 @@ std::string Markdown(const Entry& entry, const Options& common) {
 
 // The common options of all entries, and the parts of a page: titles and
 // entries.
-std::string Markdown(
-    const std::vector<std::pair<std::string, std::vector<Entry>>>& parts) {
-  std::vector<Entry> all;
+std::string ListingMarkdown(
+    const std::vector<std::pair<std::string, std::vector<ListingEntry>>>&
+        parts) {
+  std::vector<ListingEntry> all;
   for (const auto& [title, entries] : parts) {
     all.insert(all.end(), entries.begin(), entries.end());
   }
-  const Options common = CommonOptions(all);
+  const OptionRows common = CommonOptions(all);
   std::string text =
       "## Common options\n\nEach section below names those that it has. A "
       "default or a range that differs from this table stands beside the "
@@ -121,7 +123,8 @@ std::string Markdown(
       OptionTable(common);
   for (const auto& [title, entries] : parts) {
     text += title;
-    for (const Entry& entry : entries) text += Markdown(entry, common);
+    for (const ListingEntry& entry : entries)
+      text += ListingMarkdown(entry, common);
   }
   return text;
 }
@@ -143,8 +146,8 @@ std::string SamplesText(const std::string& problem) {
 }
 
 // The problems, or the least-squares problems alone.
-std::vector<Entry> ProblemEntries(bool least_squares_only) {
-  std::vector<Entry> entries;
+std::vector<ListingEntry> ProblemEntries(bool least_squares_only) {
+  std::vector<ListingEntry> entries;
   for (const ProblemRow& row : Problems()) {
     if (least_squares_only && !row.is_least_squares) continue;
     entries.push_back(
@@ -157,16 +160,16 @@ std::vector<Entry> ProblemEntries(bool least_squares_only) {
 
 std::string Listing() {
   return "Problems (--problem=name:key=value:...)\n" +
-         Text(ProblemEntries(false)) +
+         ListingText(ProblemEntries(false)) +
          "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
          "every rule\n" +
-         Text(Methods(Rules())) +
+         ListingText(MethodEntries(Rules())) +
          "\nMethods that pull a wanted change back, part by part: "
          "LOSS/SIMULATOR/RULE with\n  LOSS gradient, newton, "
          "saddle_free_newton; SIMULATOR joint, adjoint, inverse_gradient,\n  "
          "half_inverse, inverse, numerical, newton, gradient_descent, lbfgs, "
          "data; RULE any rule.\n  By name:\n" +
-         Text(Methods(ChainMethods())) +
+         ListingText(MethodEntries(ChainMethods())) +
          "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
          "the last has\n  epochs= or steps=, its share of the run\n"
          "\nRULE:output_layer=exact, in front of any physics: the network's "
@@ -176,32 +179,33 @@ std::string Listing() {
          "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
          "ceres_dogleg+RULE let a rule propose steps,\n"
          "ceres_lm+LOSS/SIMULATOR/RULE and ceres_lm+sip a pull-back\n" +
-         Text(Methods(CeresMethods()));
+         ListingText(MethodEntries(CeresMethods()));
 }
 
 std::string EstimateListing() {
   return "Problems (--problems=name:key=value:...,...)\n" +
-         Text(ProblemEntries(true)) +
+         ListingText(ProblemEntries(true)) +
          "\nRules (--methods=name:key=value:...,...)\n" +
-         Text(Methods(Rules())) +
+         ListingText(MethodEntries(Rules())) +
          "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
          "rule propose steps.\nlinear_solver is the input's own where nothing "
          "is said\n" +
-         Text(Methods(CeresMethods()));
+         ListingText(MethodEntries(CeresMethods()));
 }
 
 std::string RulesMarkdown() {
   return "# Update rules\n\nGenerated by `compare --list_markdown=rules`. "
          "Symbols: [conventions.md](conventions.md). How rules combine: "
          "[methods.md](methods.md).\n\n" +
-         Markdown(
-             {{"", Methods(Rules())},
-              {"# Pull-backs through the chain\n\n", Methods(ChainMethods())},
-              {"# Minimizers of Ceres\n\n", Methods(CeresMethods())}});
+         ListingMarkdown(
+             {{"", MethodEntries(Rules())},
+              {"# Pull-backs through the chain\n\n",
+               MethodEntries(ChainMethods())},
+              {"# Minimizers of Ceres\n\n", MethodEntries(CeresMethods())}});
 }
 
 std::string ProblemsMarkdown() {
-  std::vector<Entry> entries;
+  std::vector<ListingEntry> entries;
   entries.reserve(Problems().size());
   for (const ProblemRow& row : Problems()) {
     entries.push_back({row.name,
@@ -215,7 +219,7 @@ std::string ProblemsMarkdown() {
          "them another one. Samples are simulated four at once (in the lanes "
          "of the processor) where the simulator is a functor on any scalar. "
          "Details are in the headers of `problems/`.\n\n" +
-         Markdown({{"", entries}});
+         ListingMarkdown({{"", entries}});
 }
 
 }  // namespace invgrad
