@@ -226,18 +226,16 @@ std::string Printed(const std::string& flag) {
   return ReadText(printed);
 }
 
-// What compare prints for docs/rules.md or docs/problems.md.
-std::string PrintedPage(const std::string& page) {
-  return Printed("--list_markdown=" + page);
+// docs/rules.md or docs/problems.md.
+std::string GeneratedPage(const std::string& page) {
+  return ReadText(SourceRoot() / "docs" / (page + ".md"));
 }
 
-// docs/rules.md and docs/problems.md are printed from the tables.
 TEST(Docs, GeneratedPagesAreCurrent) {
   for (const std::string page : {"rules", "problems"}) {
     // Without libtorch the problems say which of their networks are not built.
     if (page == "problems" && !HasTorch()) continue;
-    EXPECT_EQ(PrintedPage(page),
-              ReadText(SourceRoot() / "docs" / (page + ".md")))
+    EXPECT_EQ(Printed("--list_markdown=" + page), GeneratedPage(page))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page
         << " prints";
   }
@@ -257,7 +255,7 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
   for (const std::string page : {"rules", "problems"}) {
     int num_cells = 0;  // of the table's header; 0 outside of tables
     int num_options = 0;
-    for (const std::string& line : SplitLines(PrintedPage(page))) {
+    for (const std::string& line : SplitLines(GeneratedPage(page))) {
       if (line.empty() || line[0] != '|') {
         num_cells = 0;
         continue;
@@ -287,8 +285,8 @@ bool Contains(const std::string& text, const std::string& part) {
 TEST(Docs, SectionsAndCommonOptionsSayWhatTheListingSays) {
   const std::regex entry("  (\\w+)");
   const std::regex option("      (\\w+)=(\\S*) .*");
-  const std::string rules = PrintedPage("rules");
-  const std::string problems = PrintedPage("problems");
+  const std::string rules = GeneratedPage("rules");
+  const std::string problems = GeneratedPage("problems");
   std::string section;
   std::string common;
   int num_options = 0;
@@ -318,7 +316,7 @@ TEST(Docs, SectionsAndCommonOptionsSayWhatTheListingSays) {
 
 TEST(Docs, CommonOptionsHaveOneMeaning) {
   for (const std::string page : {"rules", "problems"}) {
-    const std::string common = Section(PrintedPage(page), "Common options");
+    const std::string common = Section(GeneratedPage(page), "Common options");
     std::set<std::string> names;
     for (const std::string& line : SplitLines(common)) {
       if (line.rfind("| `", 0) != 0) continue;
