@@ -40,8 +40,9 @@ void HeatPhysics::Describe(int max_resolution, OptionSet* set) {
   set->Add("resolution",
            &resolution,
            {2.0, 1.0 * max_resolution},
-           "cells a side, n; the side is 64");
-  set->Add("nu_t", &nu_t, {0.0, 1000.0}, "diffusivity x time");
+           "cells a side, n");
+  set->Add(
+      "nu_t", &nu_t, {0.0, 1000.0}, "diffusivity x time, for a side of 64");
   set->Add("relative_uncertainty",
            &uncertainty.relative,
            {0.0, 1.0},

@@ -1,5 +1,8 @@
 #include "bin/support/listing.h"
 
+#include <algorithm>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "fmt/core.h"
@@ -13,26 +16,43 @@ namespace invgrad {
 
 namespace {
 
-enum class Format { kText, kMarkdown };
+using OptionRows = std::vector<OptionSet::Row>;
 
-// A row of a table, and its options.
-std::string RowText(Format format,
-                    const std::string& name,
-                    const std::string& about,
-                    const std::vector<OptionSet::Row>& options) {
-  if (format == Format::kText) {
-    std::string text = fmt::format("  {}\n    {}\n", name, about);
-    for (const OptionSet::Row& option : options) {
+// What the tables of problems and methods have in common.
+struct ListingEntry {
+  std::string name;
+  std::string about;
+  OptionRows options;
+};
+
+// The rows of a table of rules, minimizers of Ceres, or pull-backs.
+template <typename Rows>
+std::vector<ListingEntry> MethodEntries(const Rows& rows) {
+  std::vector<ListingEntry> entries;
+  entries.reserve(rows.size());
+  for (const auto& row : rows) {
+    entries.push_back({row.name, row.formula, row.options()});
+  }
+  return entries;
+}
+
+std::string ListingText(const std::vector<ListingEntry>& entries) {
+  std::string text;
+  for (const ListingEntry& entry : entries) {
+    text += fmt::format("  {}\n    {}\n", entry.name, entry.about);
+    for (const OptionSet::Row& option : entry.options) {
       text += fmt::format("      {:<28} {}; {}\n",
                           option.name + "=" + option.default_value,
                           option.help,
                           option.allowed);
     }
-    return text;
   }
-  std::string text = fmt::format("## {}\n\n    {}\n\n", name, about);
-  if (options.empty()) return text + "No options.\n\n";
-  text += "| option | default | allowed | meaning |\n|---|---|---|---|\n";
+  return text;
+}
+
+std::string OptionTable(const OptionRows& options) {
+  std::string text =
+      "| option | default | allowed | meaning |\n|---|---|---|---|\n";
   for (const OptionSet::Row& option : options) {
     text += fmt::format("| `{}` | {} | {} | {} |\n",
                         option.name,
@@ -43,12 +63,68 @@ std::string RowText(Format format,
   return text + "\n";
 }
 
-// The table of rules, minimizers of Ceres, or ways of pull-backs.
-template <typename Rows>
-std::string RowTexts(Format format, const Rows& rows) {
-  std::string text;
-  for (const auto& row : rows) {
-    text += RowText(format, row.name, row.formula, row.options());
+// The options that at least three entries have with the same meaning, with the
+// default and the range of the first of them.
+OptionRows CommonOptions(const std::vector<ListingEntry>& entries) {
+  std::map<std::pair<std::string, std::string>, OptionRows> same;
+  OptionRows common;
+  for (const ListingEntry& entry : entries) {
+    for (const OptionSet::Row& option : entry.options) {
+      OptionRows& options = same[{option.name, option.help}];
+      options.push_back(option);
+      if (options.size() == 3) common.push_back(options.front());
+    }
+  }
+  return common;
+}
+
+std::string ListingMarkdown(const ListingEntry& entry,
+                            const OptionRows& common) {
+  std::string names;
+  OptionRows own;
+  for (const OptionSet::Row& option : entry.options) {
+    const auto shared = std::find_if(
+        common.begin(), common.end(), [&option](const OptionSet::Row& row) {
+          return row.name == option.name && row.help == option.help;
+        });
+    if (shared == common.end()) {
+      own.push_back(option);
+      continue;
+    }
+    names += names.empty() ? "`" : ", `";
+    names += option.name;
+    if (option.default_value != shared->default_value) {
+      names += "=" + option.default_value;
+    }
+    names += "`";
+    if (option.allowed != shared->allowed) names += " (" + option.allowed + ")";
+  }
+  std::string text =
+      fmt::format("## {}\n\n    {}\n\n", entry.name, entry.about);
+  if (entry.options.empty()) text += "No options.\n\n";
+  if (!names.empty()) text += "Common options: " + names + ".\n\n";
+  return own.empty() ? text : text + OptionTable(own);
+}
+
+// The common options of all entries, and the parts of a page: titles and
+// entries.
+std::string ListingMarkdown(
+    const std::vector<std::pair<std::string, std::vector<ListingEntry>>>&
+        parts) {
+  std::vector<ListingEntry> all;
+  for (const auto& [title, entries] : parts) {
+    all.insert(all.end(), entries.begin(), entries.end());
+  }
+  const OptionRows common = CommonOptions(all);
+  std::string text =
+      "## Common options\n\nEach section below names those that it has. A "
+      "default or a range that differs from this table stands beside the "
+      "name.\n\n" +
+      OptionTable(common);
+  for (const auto& [title, entries] : parts) {
+    text += title;
+    for (const ListingEntry& entry : entries)
+      text += ListingMarkdown(entry, common);
   }
   return text;
 }
@@ -69,28 +145,31 @@ std::string SamplesText(const std::string& problem) {
              : fmt::format(" Samples: one at a time ({}).", why_no_lanes);
 }
 
-std::string ProblemText(const ProblemRow& row) {
-  return RowText(Format::kText,
-                 row.name,
-                 row.equation + "  [" + row.source + "]",
-                 row.options());
+// The problems, or the least-squares problems alone.
+std::vector<ListingEntry> ProblemEntries(bool least_squares_only) {
+  std::vector<ListingEntry> entries;
+  for (const ProblemRow& row : Problems()) {
+    if (least_squares_only && !row.is_least_squares) continue;
+    entries.push_back(
+        {row.name, row.equation + "  [" + row.source + "]", row.options()});
+  }
+  return entries;
 }
 
 }  // namespace
 
 std::string Listing() {
-  std::string text = "Problems (--problem=name:key=value:...)\n";
-  for (const ProblemRow& row : Problems()) text += ProblemText(row);
-  return text +
+  return "Problems (--problem=name:key=value:...)\n" +
+         ListingText(ProblemEntries(false)) +
          "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
          "every rule\n" +
-         RowTexts(Format::kText, Rules()) +
+         ListingText(MethodEntries(Rules())) +
          "\nMethods that pull a wanted change back, part by part: "
          "LOSS/SIMULATOR/RULE with\n  LOSS gradient, newton, "
          "saddle_free_newton; SIMULATOR joint, adjoint, inverse_gradient,\n  "
          "half_inverse, inverse, numerical, newton, gradient_descent, lbfgs, "
          "data; RULE any rule.\n  By name:\n" +
-         RowTexts(Format::kText, ChainMethods()) +
+         ListingText(MethodEntries(ChainMethods())) +
          "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
          "the last has\n  epochs= or steps=, its share of the run\n"
          "\nRULE:output_layer=exact, in front of any physics: the network's "
@@ -100,117 +179,47 @@ std::string Listing() {
          "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
          "ceres_dogleg+RULE let a rule propose steps,\n"
          "ceres_lm+LOSS/SIMULATOR/RULE and ceres_lm+sip a pull-back\n" +
-         RowTexts(Format::kText, CeresMethods());
+         ListingText(MethodEntries(CeresMethods()));
 }
 
 std::string EstimateListing() {
-  std::string text = "Problems (--problems=name:key=value:...,...)\n";
-  for (const ProblemRow& row : Problems()) {
-    if (row.is_least_squares) text += ProblemText(row);
-  }
-  return text + "\nRules (--methods=name:key=value:...,...)\n" +
-         RowTexts(Format::kText, Rules()) +
+  return "Problems (--problems=name:key=value:...,...)\n" +
+         ListingText(ProblemEntries(true)) +
+         "\nRules (--methods=name:key=value:...,...)\n" +
+         ListingText(MethodEntries(Rules())) +
          "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
          "rule propose steps.\nlinear_solver is the input's own where nothing "
          "is said\n" +
-         RowTexts(Format::kText, CeresMethods());
+         ListingText(MethodEntries(CeresMethods()));
 }
 
 std::string RulesMarkdown() {
-  return "# Update rules\n\nGenerated by `compare --list_markdown=rules`.\n"
-         "Symbols: [conventions.md](conventions.md).\n\n" +
-         RowTexts(Format::kMarkdown, Rules()) +
-         "# Pull-backs through the chain\n\n"
-         "`LOSS/SIMULATOR/RULE` pulls a wanted change back part by part: from "
-         "the loss to a change of y, through the simulator to a change of x, "
-         "and by a rule to one of the weights. Any combination works.\n\n"
-         "| LOSS | change of y |\n|---|---|\n"
-         "| `gradient` | -eta g |\n"
-         "| `newton` | -eta H_L^-1 g, eta (y* - y) for a squared norm |\n"
-         "| `saddle_free_newton` | -eta \\|H_L\\|^-1 g |\n"
-         "| `target` | eta (y* - y) for any loss |\n\n"
-         "| SIMULATOR | change of x |\n|---|---|\n"
-         "| `adjoint` | J^T d_y |\n"
-         "| `inverse_gradient` | V S^-1 U^T d_y of the simulator's Jacobian, a "
-         "sample at a time; of a linear simulator, once |\n"
-         "| `half_inverse` | V S^(-1/2) U^T d_y |\n"
-         "| `inverse` | P^-1(y + d_y; x) - x by the problem's own inverse, "
-         "checked and with fall-backs; by the numerical one where there is "
-         "none |\n"
-         "| `numerical` | the same by Levenberg-Marquardt on the simulator "
-         "alone; of a linear simulator the pseudo-inverse of its J |\n"
-         "| `newton` | a saddle-free Newton step of \\|P(x) - (y + d_y)\\|^2 "
-         "|\n"
-         "| `gradient_descent` | the sum of gradient steps in x, by the "
-         "adjoint alone: of the loss with LOSS `gradient`, otherwise of 1/2 "
-         "\\|P(x) - (y + d_y)\\|^2 |\n"
-         "| `lbfgs` | the same by L-BFGS |\n"
-         "| `data` | x* - x, x* the solution that the data were made from |\n"
-         "| `joint` | none: RULE takes network and simulator as one |\n\n"
-         "RULE is any update rule above, of the proxy 1/2 \\|x - x~\\|^2. A "
-         "setting goes to the rule if the rule has it. `numerical` has all "
-         "options of `sip`, `newton` also `newton_steps`, `max_loss_change` "
-         "and `newton_damping`; `gradient_descent` has `inner_steps` (8), "
-         "`inner_step_size` (1) and `inner_rescale` (false: scale the sum of "
-         "the steps to the length of the first), `lbfgs` has `inner_steps` "
-         "(16) and `inner_tolerance` (1e-5), both without the options of the "
-         "fall-backs, which they do not have. Known combinations:\n\n" +
-         RowTexts(Format::kMarkdown, ChainMethods()) +
-         "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
-         "any rule above: `ceres_lm+half_inverse`; on problems with a "
-         "simulator also from a pull-back, `ceres_lm+newton/inverse/"
-         "gauss_newton`. `ceres_lm+sip` is `ceres_lm+newton/inverse/"
-         "levenberg_marquardt:step_size=auto:control=gain:updates=3`, three "
-         "damped Gauss-Newton steps towards the same x~ "
-         "([measured](results/estimation.md#inverse-simulators)).\n\n" +
-         RowTexts(Format::kMarkdown, CeresMethods()) +
-         "# Phases\n\n`adam:batch_size=256:epochs=5>half_inverse` trains by "
-         "one method after the other in one run, with the weights carried "
-         "over: each but the last has `epochs` or `steps`, its share of the "
-         "run, and the last one takes what the run's budget leaves. Any rule "
-         "and any `LOSS/SIMULATOR/RULE` can be a phase, a minimizer of Ceres "
-         "the last one. Every phase begins with a new rule, its schedule runs "
-         "from the phase's start to its end, and `patience` and the order of "
-         "the samples begin anew.\n\n"
-         "# Raced batch sizes\n\n`half_inverse:batch_size=auto`, and the same "
-         "for any update rule or `LOSS/SIMULATOR/RULE`: the run begins with "
-         "its own batch size and races it against larger and smaller ones, at "
-         "equal counts of operations ([measured](results/control.md)). It is "
-         "the default of `adaptive`, which any `batch_size` switches off. "
-         "With all samples in each step, and with a solved output layer, "
-         "there is no race.\n\n"
-         "# Exact output layers\n\n`adam:output_layer=exact`, and the same "
-         "for any update rule or `LOSS/SIMULATOR/RULE`: the network's last "
-         "layer is solved by least squares and not trained, and the rule sees "
-         "the other weights alone ([derivation](variable_projection.md), "
-         "[tutorial](tutorials/solve_output_layer.md), "
-         "[measured](results/exact_output_layer.md)). In batches a share of "
-         "the training samples is solved every `output_layer_period` steps "
-         "(0, the default: so that the solutions take about half as long as "
-         "the steps). With all samples in each step, rules that need a "
-         "Jacobian have the layer solved after each step, and the reduced "
-         "Jacobian.\n\n`output_layer=auto` judges this after a tenth of the "
-         "phase: if the loss that the solutions leave has stalled, the phase "
-         "goes back to its first weights and trains all layers. It ends with "
-         "the better of both.\n";
+  return "# Update rules\n\nGenerated by `compare --list_markdown=rules`. "
+         "Symbols: [conventions.md](conventions.md). How rules combine: "
+         "[methods.md](methods.md).\n\n" +
+         ListingMarkdown(
+             {{"", MethodEntries(Rules())},
+              {"# Pull-backs through the chain\n\n",
+               MethodEntries(ChainMethods())},
+              {"# Minimizers of Ceres\n\n", MethodEntries(CeresMethods())}});
 }
 
 std::string ProblemsMarkdown() {
-  std::string text =
-      "# Problems\n\nGenerated by `compare --list_markdown=problems`.\n\n"
-      "Problems with a network have a network of their own; `--hidden`, "
-      "`--activation` and `--initialization` of `compare` and `sweep` give "
-      "them another one. Samples are simulated four at once (in the lanes of "
-      "the processor) where the simulator is a functor on any scalar. Details "
-      "are in the headers of `problems/`.\n\n";
+  std::vector<ListingEntry> entries;
+  entries.reserve(Problems().size());
   for (const ProblemRow& row : Problems()) {
-    text += RowText(Format::kMarkdown,
-                    row.name,
-                    row.equation + "\n\nSource: " + row.source + "." +
-                        SamplesText(row.name),
-                    row.options());
+    entries.push_back({row.name,
+                       row.equation + "\n\nSource: " + row.source + "." +
+                           SamplesText(row.name),
+                       row.options()});
   }
-  return text;
+  return "# Problems\n\nGenerated by `compare --list_markdown=problems`.\n\n"
+         "Problems with a network have a network of their own; `--hidden`, "
+         "`--activation` and `--initialization` of `compare` and `sweep` give "
+         "them another one. Samples are simulated four at once (in the lanes "
+         "of the processor) where the simulator is a functor on any scalar. "
+         "Details are in the headers of `problems/`.\n\n" +
+         ListingMarkdown({{"", entries}});
 }
 
 }  // namespace invgrad

@@ -75,7 +75,7 @@ using ProposalFunction =
 //
 // `weights` (n): the blocks of WeightBlocks, one after the other. `inverse`: of
 // the model's simulator; null: the numerical inverse. `method`: any pull-back
-// LOSS/SIMULATOR/RULE of docs/rules.md. "sip" takes three damped Gauss-Newton
+// LOSS/SIMULATOR/RULE of docs/methods.md. "sip" takes three damped Gauss-Newton
 // steps towards x~:
 // newton/inverse/levenberg_marquardt:step_size=auto:control=gain:updates=3.
 // Without a network (PointObjective::model) x is the parameter block.

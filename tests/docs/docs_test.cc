@@ -217,23 +217,25 @@ TEST(Docs, FilesInTheTextExist) {
   EXPECT_GT(num_files, 0);
 }
 
-// What compare --list_markdown prints for docs/rules.md or docs/problems.md.
-std::string PrintedPage(const std::string& page) {
+// What compare prints with a flag.
+std::string Printed(const std::string& flag) {
   const TemporaryFolder folder;
-  const std::string printed = folder / (page + ".md");
-  const std::string command =
-      BinDir() + "/compare --list_markdown=" + page + " > " + printed;
+  const std::string printed = folder / "printed";
+  const std::string command = BinDir() + "/compare " + flag + " > " + printed;
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   return ReadText(printed);
 }
 
-// docs/rules.md and docs/problems.md are printed from the tables.
+// docs/rules.md or docs/problems.md.
+std::string GeneratedPage(const std::string& page) {
+  return ReadText(SourceRoot() / "docs" / (page + ".md"));
+}
+
 TEST(Docs, GeneratedPagesAreCurrent) {
   for (const std::string page : {"rules", "problems"}) {
     // Without libtorch the problems say which of their networks are not built.
     if (page == "problems" && !HasTorch()) continue;
-    EXPECT_EQ(PrintedPage(page),
-              ReadText(SourceRoot() / "docs" / (page + ".md")))
+    EXPECT_EQ(Printed("--list_markdown=" + page), GeneratedPage(page))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page
         << " prints";
   }
@@ -253,7 +255,7 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
   for (const std::string page : {"rules", "problems"}) {
     int num_cells = 0;  // of the table's header; 0 outside of tables
     int num_options = 0;
-    for (const std::string& line : SplitLines(PrintedPage(page))) {
+    for (const std::string& line : SplitLines(GeneratedPage(page))) {
       if (line.empty() || line[0] != '|') {
         num_cells = 0;
         continue;
@@ -263,6 +265,65 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
       if (num_cells == 4) ++num_options;
     }
     EXPECT_GT(num_options, 30) << page;
+  }
+}
+
+// A section of a page, up to the next one; empty if there is none.
+std::string Section(const std::string& page, const std::string& name) {
+  const std::string heading = "## " + name + "\n";
+  const size_t begin = page.find(heading);
+  if (begin == std::string::npos) return "";
+  const size_t end = page.find("\n#", begin + heading.size());
+  return page.substr(begin, end - begin);
+}
+
+bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// Options that many rows share stand once, above the sections.
+TEST(Docs, SectionsAndCommonOptionsSayWhatTheListingSays) {
+  const std::regex entry("  (\\w+)");
+  const std::regex option("      (\\w+)=(\\S*) .*");
+  const std::string rules = GeneratedPage("rules");
+  const std::string problems = GeneratedPage("problems");
+  std::string section;
+  std::string common;
+  int num_options = 0;
+  for (const std::string& line : SplitLines(Printed("--list"))) {
+    std::smatch match;
+    if (std::regex_match(line, match, entry)) {
+      const std::string& page =
+          Section(rules, match[1]).empty() ? problems : rules;
+      section = Section(page, match[1]);
+      common = Section(page, "Common options");
+      EXPECT_FALSE(section.empty()) << line;
+    } else if (std::regex_match(line, match, option)) {
+      const std::string name = match[1];
+      const std::string row = "| `" + name + "` | " + match[2].str() + " |";
+      EXPECT_TRUE(Contains(section, row) ||
+                  Contains(section, "`" + name + "=" + match[2].str() + "`") ||
+                  (Contains(section, "`" + name + "`") &&
+                   !Contains(section, "| `" + name + "`") &&
+                   Contains(common, row)))
+          << line << " is not in\n"
+          << section;
+      ++num_options;
+    }
+  }
+  EXPECT_GT(num_options, 300);
+}
+
+TEST(Docs, CommonOptionsHaveOneMeaning) {
+  for (const std::string page : {"rules", "problems"}) {
+    const std::string common = Section(GeneratedPage(page), "Common options");
+    std::set<std::string> names;
+    for (const std::string& line : SplitLines(common)) {
+      if (line.rfind("| `", 0) != 0) continue;
+      EXPECT_TRUE(names.insert(line.substr(0, line.find("` |"))).second)
+          << page << ": " << line;
+    }
+    EXPECT_GT(names.size(), 10u) << page;
   }
 }
 

@@ -15,7 +15,7 @@ namespace invgrad {
 
 using JsonMembers = std::map<std::string, std::string>;  // path -> type
 
-// The table of a schema's section.
+// The table of a schema's section. "array of number" is two members, a and a[].
 inline JsonMembers MembersOnPage(const std::string& schema) {
   std::ifstream page(SourceDir() + "/docs/json.md");
   JsonMembers members;
@@ -25,10 +25,20 @@ inline JsonMembers MembersOnPage(const std::string& schema) {
       is_in_section = line == "## `" + schema + "`";
     } else if (is_in_section && line.rfind("| `", 0) == 0) {
       const std::size_t end = line.find("` | ");
-      const std::size_t type = end + 4;
-      members[line.substr(3, end - 3)] =
-          line.substr(type, line.find(" |", type) - type);
+      const std::size_t begin = end + 4;
+      std::string member = line.substr(3, end - 3);
+      std::string type = line.substr(begin, line.find(" |", begin) - begin);
+      for (const std::string of = "array of "; type.rfind(of, 0) == 0;) {
+        members[member] = "array";
+        member += "[]";
+        type = type.substr(of.size());
+      }
+      members[member] = type;
     }
+  }
+  if (!members.empty()) {
+    members["schema.name"] = "text";
+    members["schema.version"] = "integer";
   }
   return members;
 }

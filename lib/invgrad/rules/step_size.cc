@@ -83,12 +83,7 @@ double FirstMinimumOnCurve(const AlongDirection& model) {
 void StepSizeOptions::Describe(bool allow_auto, OptionSet* set) {
   const Range positive{0.0, std::numeric_limits<double>::infinity(), true};
   if (allow_auto) {
-    set->Add(
-        "step_size",
-        &step_size,
-        positive,
-        "eta; auto: rho times the minimizer of the model of the loss along "
-        "the direction");
+    set->Add("step_size", &step_size, positive, "eta");
   } else {
     CHECK(!is_auto()) << "This rule has no automatic step size.";
     set->Add("step_size", &*step_size, positive, "eta");
@@ -102,8 +97,11 @@ void StepSizeOptions::Describe(bool allow_auto, OptionSet* set) {
            {0.0, 1.0, true},
            "step size at the end of the schedule, as a fraction");
   if (allow_auto) {
-    set->Add(
-        "rho", &rho, {0.0, 2.0, true, true}, "fraction for step_size=auto");
+    set->Add("rho",
+             &rho,
+             {0.0, 2.0, true, true},
+             "with step_size=auto: eta over the minimizer of the model of the "
+             "loss along the direction");
   }
 }
 
