@@ -142,19 +142,23 @@ Plot ActivationPlot(const LearningRunResult& run) {
   return plot;
 }
 
-// The same axes for all methods: loss, activation, sample path. The window of
-// the paths reaches from the target half as far again as the start.
+// The range of the values, and a quarter of it on both sides.
+AxisRange Window(const Eigen::VectorXd& values) {
+  const double margin = 0.25 * (values.maxCoeff() - values.minCoeff());
+  return {values.minCoeff() - margin, values.maxCoeff() + margin};
+}
+
+// The same axes for all methods: loss, activation, sample path, which may leave
+// the window of the targets of all samples.
 std::vector<Plot> MethodPlots(const LearningProblem& problem,
                               int tracked_sample,
                               const Runs& runs) {
-  const Eigen::VectorXd target = problem.train.targets.col(tracked_sample);
   std::vector<Plot> plots;
   std::vector<double> losses, activations;
   const auto append = [](const std::vector<double>& from,
                          std::vector<double>* to) {
     to->insert(to->end(), from.begin(), from.end());
   };
-  double reach = 1e-9;
   const std::vector<std::string> names = Names(runs);
   for (size_t k = 0; k < runs.size(); ++k) {
     const LearningRunResult& run = *runs[k];
@@ -166,8 +170,6 @@ std::vector<Plot> MethodPlots(const LearningProblem& problem,
     append(panels[0].series[0].y, &losses);
     append(panels[1].series[0].y_low, &activations);
     append(panels[1].series[0].y_high, &activations);
-    const Eigen::VectorXd way = target - run.sample_path.front();
-    reach = std::max(reach, 1.5 * way.head(2).lpNorm<Eigen::Infinity>());
     panels[2].series.back().color = 6;  // the target, black for all methods
     for (Plot& panel : panels) {
       panel.title = names[k];
@@ -179,8 +181,8 @@ std::vector<Plot> MethodPlots(const LearningProblem& problem,
   for (size_t i = 0; i < plots.size(); i += 3) {
     plots[i].y_range = RangeOf(losses, true);
     plots[i + 1].y_range = RangeOf(activations, false);
-    plots[i + 2].x_range = {target[0] - reach, target[0] + reach};
-    plots[i + 2].y_range = {target[1] - reach, target[1] + reach};
+    plots[i + 2].x_range = Window(problem.train.targets.row(0));
+    plots[i + 2].y_range = Window(problem.train.targets.row(1));
   }
   return plots;
 }
