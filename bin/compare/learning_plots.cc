@@ -163,6 +163,7 @@ std::vector<Plot> MethodPlots(const LearningProblem& problem,
   for (size_t k = 0; k < runs.size(); ++k) {
     const LearningRunResult& run = *runs[k];
     if (run.neurons.empty() || run.sample_path.empty()) continue;
+    if (run.neurons.front().empty()) continue;  // no dense layers
     Plot panels[] = {
         CurvePlot({&run}, "train loss", &HistoryRow::train_loss, false),
         ActivationPlot(run),
