@@ -91,7 +91,9 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
       costs[row.input].push_back(row.final_cost);
   }
   Table table;
-  for (auto& [input, ends] : costs) {
+  for (auto& input_and_ends : costs) {
+    const std::string& input = input_and_ends.first;
+    std::vector<double>& ends = input_and_ends.second;
     if (starts[input].size() < 2) continue;
     std::sort(ends.begin(), ends.end());
     const auto end_of = [of_input = rounding[input]](double low) {
