@@ -193,6 +193,7 @@ HtmlReport LearningReport(const LearningProblem& problem,
                           const std::string& budget,
                           bool is_over) {
   std::vector<std::string> labels;
+  labels.reserve(all.size());
   for (const MethodResults& method : all) labels.push_back(method.label);
   const auto facts = Facts(problem, seeds, budget);
   HtmlReport report = NewReport(

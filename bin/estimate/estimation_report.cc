@@ -91,6 +91,7 @@ HtmlReport EstimationReport(const EstimationOptions& options,
                             const std::vector<StartCosts>& costs,
                             bool is_over) {
   std::vector<std::string> labels;
+  labels.reserve(ways.size());
   for (const Way& way : ways) labels.push_back(way.label);
   HtmlReport report = NewReport(
       inputs.size() == 1 ? inputs[0].name

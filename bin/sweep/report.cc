@@ -125,6 +125,7 @@ std::string Answer(const SweepResults& results,
                    const Groups& groups,
                    const std::vector<HtmlReport::Method>& methods) {
   std::vector<std::pair<std::string, int>> counts;
+  counts.reserve(methods.size());
   for (const HtmlReport::Method& method : methods) {
     counts.emplace_back(method.name, 0);
   }

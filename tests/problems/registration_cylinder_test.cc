@@ -75,7 +75,7 @@ TEST(LocalPlanes, GradientIsTheDerivativeOfTheCost) {
   Matrix3Xd target(3, 400);
   for (int i = 0; i < 400; ++i) {
     const double u = 0.3 * (i % 20);
-    const double v = 0.3 * (i / 20);
+    const double v = 0.3 * std::floor(i / 20.0);
     target.col(i) << u, v, 5.0 + 1e-3 * std::sin(3.0 * u) * v;
   }
   const LocalPlanes planes(target);
@@ -105,7 +105,7 @@ TEST(LocalPlanes, GradientIsTheDerivativeOfTheCost) {
 TEST(LocalPlanes, APlaneDeterminesItsNormalAlone) {
   Matrix3Xd target(3, 400);
   for (int i = 0; i < 400; ++i) {
-    target.col(i) << 0.3 * (i % 20), 0.3 * (i / 20), 5.0;
+    target.col(i) << 0.3 * (i % 20), 0.3 * std::floor(i / 20.0), 5.0;
   }
   const Matrix3Xd scan = target.middleCols(100, 200);
   Vector6d start = Vector6d::Zero();
@@ -122,7 +122,8 @@ TEST(LocalPlanes, APlaneDeterminesItsNormalAlone) {
 TEST(LocalPlanes, LeavesOutPlanesThroughTheOriginAndFarPoints) {
   Matrix3Xd target(3, 400);
   for (int i = 0; i < 400; ++i) {
-    target.col(i) << 0.3 * (i % 20) - 3.0, 0.3 * (i / 20) - 3.0, 0.0;
+    target.col(i) << 0.3 * (i % 20) - 3.0, 0.3 * std::floor(i / 20.0) - 3.0,
+        0.0;
   }
   Matrix3Xd far = target;
   far.row(2).array() += 1.5;

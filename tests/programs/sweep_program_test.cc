@@ -308,8 +308,8 @@ TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {
 TEST_F(SweepProgram, GoesOverALeastSquaresProblem) {
   const std::vector<std::string> flags = {
       "--problem=more_garbow_hillstrom:spread=0.1",
-      "--grid=function=bard,beale;seed=1,2;"
-      "rule=ceres_lm,half_inverse:step_size=auto:truncation=1e-12|1e-3",
+      std::string("--grid=function=bard,beale;seed=1,2;") +
+          "rule=ceres_lm,half_inverse:step_size=auto:truncation=1e-12|1e-3",
       "--steps=60",
       "--noplots",
       "--noprogress",
