@@ -6,10 +6,11 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
-#include "invgrad/rules.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/random_matrix.h"
+#include "tests/support/take_steps.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace burgers_control_test {
@@ -142,22 +143,8 @@ TEST(BurgersControl, ShortTrainingBeatsNoForce) {
                                   &no_force,
                                   &error))
       << error;
-  const auto rule = MakeRule("half_inverse:step_size=auto");
-  NumpyRandom random(0);
-  VectorXd weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
-  VectorXd step;
-  for (int k = 0; k < 40; ++k) {
-    Linearization at;
-    ASSERT_TRUE(problem.model->Linearize(weights,
-                                         problem.train.Range(8 * (k % 8), 8),
-                                         rule->Needs(),
-                                         &at,
-                                         &error))
-        << error;
-    ASSERT_TRUE(rule->ComputeStep(at, &step, &error)) << error;
-    weights += step;
-  }
+  VectorXd weights = InitialWeights(problem, 0);
+  TakeSteps(problem, "half_inverse:step_size=auto", 8, 40, &weights);
   double trained = 0.0;
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &trained, &error));
   EXPECT_LT(trained, 0.6 * no_force);

@@ -5,9 +5,9 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/random.h"
-#include "invgrad/rules.h"
 #include "problems/problems.h"
+#include "tests/support/take_steps.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace oscillator_correction_test {
@@ -92,22 +92,8 @@ TEST(OscillatorCorrection, ShortTrainingBeatsTheCoarseSimulator) {
                                   &coarse,
                                   &error))
       << error;
-  const auto rule = MakeRule("half_inverse:step_size=auto");
-  NumpyRandom random(0);
-  VectorXd weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
-  VectorXd step;
-  for (int k = 0; k < 40; ++k) {
-    Linearization at;
-    ASSERT_TRUE(problem.model->Linearize(weights,
-                                         problem.train.Range(16 * (k % 4), 16),
-                                         rule->Needs(),
-                                         &at,
-                                         &error))
-        << error;
-    ASSERT_TRUE(rule->ComputeStep(at, &step, &error)) << error;
-    weights += step;
-  }
+  VectorXd weights = InitialWeights(problem, 0);
+  TakeSteps(problem, "half_inverse:step_size=auto", 16, 40, &weights);
   double trained = 0.0;
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &trained, &error));
   EXPECT_LT(trained, 0.25 * coarse);

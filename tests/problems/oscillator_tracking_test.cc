@@ -8,9 +8,10 @@
 #include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
-#include "invgrad/rules.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/take_steps.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace oscillator_tracking_test {
@@ -168,25 +169,11 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
       CreateLearningProblem("oscillator_tracking:num_samples=64");
   const double bound = Regulator(OscillatorTracking()).Bound(problem.train);
   std::string error;
-  const auto rule = MakeRule("half_inverse:step_size=auto");
-  NumpyRandom random(0);
-  VectorXd weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
+  VectorXd weights = InitialWeights(problem, 0);
   double cost = 0.0;
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &cost, &error));
   EXPECT_GT(cost, 4.0 * bound);
-  VectorXd step;
-  for (int k = 0; k < 30; ++k) {
-    Linearization at;
-    ASSERT_TRUE(problem.model->Linearize(weights,
-                                         problem.train.Range(16 * (k % 4), 16),
-                                         rule->Needs(),
-                                         &at,
-                                         &error))
-        << error;
-    ASSERT_TRUE(rule->ComputeStep(at, &step, &error)) << error;
-    weights += step;
-  }
+  TakeSteps(problem, "half_inverse:step_size=auto", 16, 30, &weights);
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &cost, &error));
   EXPECT_GT(cost, bound);
   EXPECT_LT(cost, 1.05 * bound);
