@@ -5,7 +5,6 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/random.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/random_matrix.h"
