@@ -360,8 +360,10 @@ bool ListRunFile(const std::string& path, std::string* error) {
   const std::string list = directory + kFileList;
   std::ofstream file(list, std::ios::app);
   if (!(file << name << '\n' << std::flush)) {
-    *error = fmt::format(
-        "cannot write {}: {}", list, std::generic_category().message(errno));
+    *error = fmt::format("cannot write {}: it cannot be listed in {}: {}",
+                         path,
+                         list,
+                         std::generic_category().message(errno));
     return false;
   }
   run.files.insert(name);

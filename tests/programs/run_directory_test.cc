@@ -248,7 +248,9 @@ TEST_F(RunDirectoryOfARun, AFileThatCannotBeListedIsNotWritten) {
   fs::create_directory(run_ + "/files.txt");
   std::string error;
   EXPECT_FALSE(WriteRunFile(run_ + "/new.txt", "result", &error));
-  EXPECT_EQ(error, "cannot write " + run_ + "/files.txt: Is a directory");
+  EXPECT_EQ(error,
+            "cannot write " + run_ + "/new.txt: it cannot be listed in " +
+                run_ + "/files.txt: Is a directory");
   EXPECT_FALSE(fs::exists(run_ + "/new.txt"));
   EXPECT_FALSE(ListRunFile(run_ + "/new.txt", &error));  // again
 }
