@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <random>
@@ -117,7 +118,8 @@ MatrixXd RandomFields(int num_samples, unsigned seed) {
 
 }  // namespace
 
-int main() {
+// train_torch_network [seconds of a method]
+int main(int argc, char** argv) {
   invgrad::SetBlasThreads(1);
   const auto camera = std::make_shared<Camera>();
   const MatrixXd truth = RandomFields(256, 1);
@@ -149,7 +151,7 @@ int main() {
   for (const char* method : {"adam:step_size=3e-3", "hessian_free", "krylov"}) {
     invgrad::TrainOptions train;
     train.batch_size = 64;
-    train.max_time_in_seconds = 5.0;
+    train.max_time_in_seconds = argc > 1 ? std::atof(argv[1]) : 5.0;
     const invgrad::TrainResult result =
         invgrad::Train(model, {seen, seen}, method, train);
     if (!result.error.empty()) LOG(FATAL) << result.error;

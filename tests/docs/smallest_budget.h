@@ -172,6 +172,7 @@ inline Words SmallBudget(const std::string& program) {
       program == "write_field_simulator") {
     return {"--seconds=0.01"};
   }
+  if (program == "train_torch_network") return {"0.1"};
   // The others have no flags, and take seconds.
   return {};
 }
@@ -201,7 +202,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
     } else if (StartsWith(word, "--grid=") && program == "sweep") {
       small.push_back(WithSmallBatches("--grid=" + OneCell(value)));
     } else if (StartsWith(word, "--seeds=")) {
-      small.push_back(word.substr(0, word.find(',')));
+      small.push_back(word.substr(0, word.find_first_of(",.")));
     } else if (StartsWith(word, "--hidden=")) {
       small.push_back(std::regex_replace(word, std::regex("[0-9]+"), "4"));
     } else if (StartsWith(word, "--input=")) {
