@@ -37,12 +37,13 @@ PAGES = pathlib.Path(__file__).resolve().parent
 TABLE = re.compile(r"<!-- table:((?:.|\n)*?)-->\n\n((?:\|.*\n)+)")
 LOSSES = ("train_loss", "test_loss", "best_train_loss", "metric")
 VALUES = (*LOSSES, "steps", "seconds", "ms_per_step")
+FAILED = ("diverged", "refused", "damaged", "killed")  # how a status begins
 
 
 def number(value, digits):
     if not math.isfinite(value):
         return "failed"
-    if value >= 10**digits:
+    if value >= 10**digits or isinstance(value, int):
         return f"{value:,.0f}"
     if value >= 1e-3 or value == 0:
         return f"{value:#.{digits}g}".rstrip(".")
@@ -55,9 +56,11 @@ def read(file):
         runs = [run for run in csv.DictReader(lines) if run.get("best") != "0"]
     for run in runs:
         run["method"] = run.get("method") or run["rule"]
-        for name in (*LOSSES, "steps", "seconds"):
+        run["steps"] = int(run["steps"] or 0)
+        for name in (*LOSSES, "seconds"):
             value = float(run[name] or "nan")
-            run[name] = value if math.isfinite(value) else math.inf
+            failed = run["status"].startswith(FAILED) and name in LOSSES
+            run[name] = math.inf if failed or math.isnan(value) else value
         run["ms_per_step"] = 1e3 * run["seconds"] / max(run["steps"], 1)
     return runs
 
@@ -110,11 +113,13 @@ def fill(folder, words):
         return from_table(files[0].parent / "table.md", middle["method"],
                           title), None
     text = number(middle[column], digits)
-    ends = [number(best[i][column], digits) for i in (0, -1)]
-    if kind == "range":
-        text = " - ".join(ends)
-    elif kind == "median_range":
-        text += f" ({ends[0]} … {ends[1]})"
+    values = [run[column] for run in best if run[loss] < math.inf]
+    if kind and values:
+        ends = number(min(values), digits), number(max(values), digits)
+        text = (" - ".join(ends) if kind == "range" else
+                f"{text} ({ends[0]} … {ends[1]})")
+        if len(values) < len(best):
+            text += f", {len(best) - len(values)} of {len(best)} failed"
     return text, middle[column] if column == loss else None
 
 
