@@ -1,9 +1,10 @@
 """Fills the tables of the result pages from the runs of campaign.py.
 
-    python3 docs/results/tables.py FOLDER [--check] [PAGE ...]
+    python3 docs/results/tables.py FOLDER [--check | --list] [PAGE ...]
 
 FOLDER is campaign.py's --output. Rows that change are printed; with --check the
-pages stay as they are. A table is filled if it follows the comment
+pages stay as they are; --list prints the runs that tables need. A table is
+filled if it follows the comment
 
     <!-- table: WORDS
     rows: WORDS, WORDS, ...
@@ -132,20 +133,24 @@ def parse(spec, cells):
     columns = [table.split() + column.split() for column in columns.split(",")]
     if len(rows) != len(cells) or len(columns) != len(cells[0]) - 1:
         raise ValueError(f"{len(cells)} rows, {len(cells[0])} columns: {spec}")
-    for row in map(str.split, rows):
-        yield [[] if "-" in row + column else
+    for row, line in zip(map(str.split, rows), cells):
+        yield [[] if "-" in row + column or cell in ("", "-") else
                [word.replace("{}", row[0]) for word in column]
-               + row["{}" in spec:] for column in columns]
+               + row["{}" in spec:]
+               for column, cell in zip(columns, line[1:])]
+
+
+def cells_of(table):
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for line in table.splitlines()[2:]]
 
 
 def rebuild(folder, spec, table):
-    lines = table.splitlines()
-    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-             for line in lines[2:]]
+    cells = cells_of(table)
     losses = {}
     for i, words_of_row in enumerate(parse(spec, cells)):
         for j, words in enumerate(words_of_row, start=1):
-            if not words or cells[i][j] in ("", "-"):
+            if not words:
                 continue
             if "ratio" in words:
                 first, *others = [losses[at] for at in losses if at[0] == i]
@@ -160,31 +165,44 @@ def rebuild(folder, spec, table):
                                  if other[by] == at[by]):
                 i, j = at
                 cells[i][j] = re.sub(r"^\S+", r"**\g<0>**", cells[i][j])
-    return lines[:2] + [f"| {' | '.join(line)} |" for line in cells]
+    rows = ["".join(f" {cell} |" if cell else " |" for cell in line)
+            for line in cells]
+    return table.splitlines()[:2] + ["|" + row for row in rows]
+
+
+def update(page, folder, writes):
+    """Whether the page differs from its runs."""
+    text = page.read_text()
+    filled = text
+    for table in TABLE.finditer(text):
+        try:
+            lines = rebuild(folder / page.stem, *table.groups())
+        except FileNotFoundError as error:
+            print(f"{page.name}: {error} has not run")
+            continue
+        for old, new in zip(table[2].splitlines(), lines):
+            if old != new:
+                print(f"{page.name}:\n- {old}\n+ {new}")
+        filled = filled.replace(table[2], "\n".join(lines) + "\n")
+    if writes:
+        page.write_text(filled)
+    return filled != text
 
 
 def main():
-    arguments = [word for word in sys.argv[1:] if word != "--check"]
-    is_check = "--check" in sys.argv
-    differs = False
-    for page in ([PAGES / name for name in arguments[1:]]
-                 or sorted(PAGES.glob("*.md"))):
-        text = page.read_text()
-        for table in TABLE.finditer(text):
-            try:
-                lines = rebuild(pathlib.Path(arguments[0]) / page.stem,
-                                *table.groups())
-            except FileNotFoundError as error:
-                print(f"{page.name}: {error} has not run")
-                continue
-            for old, new in zip(table[2].splitlines(), lines):
-                if old != new:
-                    print(f"{page.name}:\n- {old}\n+ {new}")
-                    differs = True
-            text = text.replace(table[2], "\n".join(lines) + "\n")
-        if not is_check:
-            page.write_text(text)
-    return 1 if differs and is_check else 0
+    options = {word for word in sys.argv[1:] if word.startswith("--")}
+    folder, *names = [word for word in sys.argv[1:] if word not in options]
+    pages = [PAGES / name for name in names] or sorted(PAGES.glob("*.md"))
+    if "--list" in options:
+        for page in pages:
+            for table in TABLE.finditer(page.read_text()):
+                words = sum(sum(parse(table[1], cells_of(table[2])), []), [])
+                for run in sorted({word for word in words if "runs/" in word}):
+                    print(page.name, run)
+        return 0
+    differ = [update(page, pathlib.Path(folder), "--check" not in options)
+              for page in pages]
+    return 1 if "--check" in options and any(differ) else 0
 
 
 if __name__ == "__main__":
