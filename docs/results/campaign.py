@@ -4,15 +4,15 @@
     python3 docs/results/campaign.py --list [PAGE ...]
 
 PAGE is a file of docs/results, for example fields.md, or one block of it, for
-example fields.md:3. Without one all pages run.
-A block of commands runs in OUTPUT/PAGE/NUMBER, with links to all files of the
-current folder, such as data that you have put there, and to the runs of the
-page's earlier blocks. Its log.txt has what it printed, OUTPUT/times.csv the
-seconds and failed commands of each block. A failed command does not stop the
-others (exit code 2: a method of a comparison failed, which may be what the page
-shows). Start it again after an interruption: it runs the blocks that have not
-ended, or whose text has changed. tables.py then writes the numbers into the
-pages.
+example fields.md:3. Without one all pages run, for many hours. Start it in the
+root of the repository. A block of commands runs in OUTPUT/PAGE/NUMBER, with
+links to all files of the current folder, such as data that you have put there,
+and to the runs of the page's earlier blocks. Its log.txt has what it printed,
+OUTPUT/times.csv the seconds and failed commands of each block. A failed command
+does not stop the others (exit code 2: a method of a comparison failed, which
+may be what the page shows). Start it again after an interruption: it runs the
+blocks that have not ended, or whose text has changed. tables.py then writes the
+numbers into the pages.
 """
 
 import argparse
@@ -42,15 +42,17 @@ def run(folder, block):
     for entry in pathlib.Path.cwd().iterdir():
         if entry.name != "runs":
             (folder / entry.name).symlink_to(entry)
-    for entry in folder.resolve().parent.glob("*/runs/*"):  # of earlier blocks
-        if not entry.is_symlink():
-            (folder / "runs" / entry.name).symlink_to(entry)
+    for earlier in range(1, int(folder.name)):
+        for entry in (folder.resolve().parent / str(earlier)).glob("runs/*"):
+            if not entry.is_symlink():
+                (folder / "runs" / entry.name).symlink_to(entry)
     start = time.monotonic()
     with open(folder / "log.txt", "w") as log:
-        subprocess.run(["bash", "-c", TRAP + block], cwd=folder, stdout=log,
-                       stderr=subprocess.STDOUT, check=False)
+        bash = subprocess.run(["bash", "-c", TRAP + block], cwd=folder,
+                              stdout=log, stderr=subprocess.STDOUT, check=False)
     seconds = time.monotonic() - start
-    (folder / "done.txt").write_text(block)
+    if bash.returncode >= 0:  # no signal
+        (folder / "done.txt").write_text(block)
     failed = folder / "failed.txt"
     return seconds, failed.read_text().splitlines() if failed.exists() else []
 

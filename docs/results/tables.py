@@ -12,9 +12,9 @@ filled if it follows the comment
 
 A cell is found by the words of its table, column and row; of two words for one
 thing the last counts. Without "rows" the word of a row is its label up to " (".
-"{}" in a word stands for the first word of the row. Cells that are empty or
-"-", and rows and columns with the word "-", are written by hand. A table whose
-runs are not in FOLDER stays as it is.
+"{}" in a word stands for the first word of the row. Cells that are empty, and
+rows and columns with the word "-", stay as they are, as does a table whose runs
+are not in FOLDER.
 
     runs/NAME              summary.csv of compare or sweep.csv of sweep there
     adam, adam:*, !adam*   a method; the best that matches, or does not match
@@ -81,6 +81,7 @@ def fill(folder, words):
     if not files:
         raise FileNotFoundError(name)
     runs = read(files[0])
+    names = set(runs[0])
     column, kind, digits, pattern, title = "test_loss", "", 2, "*", ""
     for word in words:
         key, _, value = word.partition("=")
@@ -92,7 +93,7 @@ def fill(folder, words):
             digits = int(word[1])
         elif word.startswith("s_to_"):
             title = word.replace("_", " ")
-        elif key in runs[0]:
+        elif key in names:
             runs = [run for run in runs if run[key] == value]
         elif not word.startswith(("runs/", "bold=")):
             pattern = word
@@ -116,11 +117,11 @@ def fill(folder, words):
     text = number(middle[column], digits)
     values = [run[column] for run in best if run[loss] < math.inf]
     if kind and values:
-        ends = number(min(values), digits), number(max(values), digits)
-        text = (" - ".join(ends) if kind == "range" else
-                f"{text} ({ends[0]} … {ends[1]})")
-        if len(values) < len(best):
-            text += f", {len(best) - len(values)} of {len(best)} failed"
+        low, high = number(min(values), digits), number(max(values), digits)
+        text = (f"{low} - {high}" if kind == "range" else
+                f"{text} ({low} … {high})")
+    if values and len(values) < len(best) and column in LOSSES:
+        text += f", {len(best) - len(values)} of {len(best)} failed"
     return text, middle[column] if column == loss else None
 
 
@@ -134,7 +135,7 @@ def parse(spec, cells):
     if len(rows) != len(cells) or len(columns) != len(cells[0]) - 1:
         raise ValueError(f"{len(cells)} rows, {len(cells[0])} columns: {spec}")
     for row, line in zip(map(str.split, rows), cells):
-        yield [[] if "-" in row + column or cell in ("", "-") else
+        yield [[] if "-" in row + column or not cell else
                [word.replace("{}", row[0]) for word in column]
                + row["{}" in spec:]
                for column, cell in zip(columns, line[1:])]
