@@ -122,7 +122,7 @@ def fill(folder, words):
                 f"{text} ({low} … {high})")
     if values and len(values) < len(best) and column in LOSSES:
         text += f", {len(best) - len(values)} of {len(best)} failed"
-    return text, middle[column] if column == loss else None
+    return text, middle[loss] if column == loss and kind != "range" else None
 
 
 def parse(spec, cells):
