@@ -1,4 +1,5 @@
 // Problems that are differential equations.
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -14,7 +15,9 @@
 #include "problems/equations/evolutions.h"
 #include "problems/equations/korteweg_de_vries.h"
 #include "problems/equations/periodic_evolution.h"
+#include "problems/equations/poisson_box.h"
 #include "problems/equations/reaction.h"
+#include "problems/equations/two_solitons.h"
 #include "problems/equations/wave.h"
 #include "problems/problems.h"
 
@@ -201,10 +204,11 @@ void ExpectSolves(const Definition& definition) {
   }
 }
 
-TEST(ConvectionReactionAndWave, ClosedFormsSolveTheEquations) {
+TEST(ClosedForms, SolveTheEquations) {
   ExpectSolves(ConvectionPinn());
   ExpectSolves(ReactionPinn());
   ExpectSolves(WavePinn());
+  ExpectSolves(TwoSolitonsPinn());
 }
 
 // The jets of u for any network are those of the closed form at the beginning,
@@ -238,17 +242,52 @@ void ExpectKeepsConditions(const Definition& definition,
         EXPECT_NEAR(u(k, s), exact(k, s), 1e-12) << word;
       }
     } else if (is_face && at_the_faces) {
-      EXPECT_NEAR(u(0, s), 0.0, 1e-14);
+      EXPECT_NEAR(u(0, s), exact(0, s), 1e-13);
     } else {
       EXPECT_NE(u(0, s), exact(0, s));
     }
   }
 }
 
-TEST(ConvectionReactionAndWave, ConditionsHoldForAnyNetwork) {
+TEST(ClosedForms, ConditionsHoldForAnyNetwork) {
   ExpectKeepsConditions(ConvectionPinn(), {"", "x"}, false);
   ExpectKeepsConditions(ReactionPinn(), {""}, false);
   ExpectKeepsConditions(WavePinn(), {"", "t", "x", "xx"}, true);
+  ExpectKeepsConditions(TwoSolitonsPinn(), {"", "x", "xxx"}, true);
+}
+
+// Far apart, a soliton of speed c is 3 c / cosh^2(sqrt(c) / 2 (x - c t - x_0)):
+// at t = 5 the fast one, at 28 and more, has left the slow one behind.
+TEST(TwoSolitons, AreSolitonsBeforeAndAfter) {
+  const auto highest = [](double t, double begin, double end) {
+    double height = 0.0;
+    for (double x = begin; x < end; x += 0.001) {
+      height = std::max(height, TwoSolitonsPinn::Solution(t, x));
+    }
+    return height;
+  };
+  EXPECT_NEAR(highest(0.0, -20.0, 0.0), 18.0, 0.05);
+  EXPECT_NEAR(highest(5.0, 0.0, 20.0), 6.0, 1e-4);
+  EXPECT_NEAR(highest(5.0, 20.0, 40.0), 18.0, 1e-4);
+}
+
+TEST(TwoSolitons, SlopeIsThatOfTheClosedForm) {
+  const EquationProblem problem = TwoSolitonsPinn().MakeEquation();
+  const EquationTerm& slope = problem.equation.terms[1];
+  for (const double t : {1.0, 3.5, 4.2}) {
+    VectorXd c(1);
+    slope.context(Vector2d(t, 20.0), 0, c);
+    constexpr double h = 1e-5;
+    EXPECT_NEAR(c[0],
+                (TwoSolitonsPinn::Solution(t, 20.0 + h) -
+                 TwoSolitonsPinn::Solution(t, 20.0 - h)) /
+                    (2.0 * h),
+                1e-7);
+    const double u[] = {0.0, 0.0, c[0] + 0.5, 0.0};
+    double y;
+    ASSERT_TRUE(slope.residual->Evaluate(u, c.data(), &y, nullptr));
+    EXPECT_NEAR(y, 0.5, 1e-14);
+  }
 }
 
 TEST(Convection, IsPeriodic) {
@@ -269,7 +308,8 @@ TEST(Convection, IsPeriodic) {
 TEST(EquationProblems, LossesOfTheSolutionsVanish) {
   // An equation's residual at the true jets: the data's terms have c = u*.
   for (const std::string name : {"heat_4d_pinn:num_points=20:num_face=2",
-                                 "poisson_5d_pinn:num_points=20:num_face=2"}) {
+                                 "poisson_5d_pinn:num_points=20:num_face=2",
+                                 "poisson_10d_pinn:num_points=20:num_face=2"}) {
     PhysicsProblem problem;
     std::string error;
     ASSERT_TRUE(CreateProblem(name, nullptr, &problem, &error)) << error;
@@ -278,12 +318,18 @@ TEST(EquationProblems, LossesOfTheSolutionsVanish) {
         dynamic_cast<const EquationSimulator&>(learning.model->simulator());
     const EquationContext& layout = simulator.context_layout();
     const DerivativeSet& set = *simulator.trial_function().derivatives;
-    const bool is_heat = set.num_variables() == 5 && layout.weight > 0;
-    const MatrixXd points = learning.train.contexts.middleRows(layout.point, 5);
+    const bool is_heat = layout.weight > 0;
+    const int dim = set.num_variables();
+    const MatrixXd points =
+        learning.train.contexts.middleRows(layout.point, dim);
     const MatrixXd u = JetsOf(
         set,
         1,
-        [is_heat](const InputJet* a, InputJet* f) {
+        [is_heat, dim](const InputJet* a, InputJet* f) {
+          if (dim == 10) {
+            f[0] = PoissonBoxPinn<10>::SolutionOf(a);
+            return;
+          }
           f[0] = 0.0;
           for (int i = is_heat ? 1 : 0; i < 5; ++i) {
             f[0] += is_heat ? sin(2.0 * a[i]) : cos(M_PI * a[i]);
