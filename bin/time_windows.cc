@@ -90,10 +90,10 @@ bool Check(Settings* settings, std::string* error) {
     training.steps = 300;
   }
   for (int k = 0; k <= FLAGS_windows; ++k) {
-    settings->times.push_back(static_cast<double>(k) / FLAGS_windows);
+    settings->times.push_back(settings->evolution.end * k / FLAGS_windows);
   }
   const EvolutionProblem& evolution = settings->evolution;
-  settings->whole = evolution.in_window({0.0, 1.0, evolution.start});
+  settings->whole = evolution.in_window({0.0, evolution.end, evolution.start});
   const EquationProblem& whole = settings->whole;
   settings->points =
       GridPoints(whole.test_box.value_or(whole.box), whole.test_counts);

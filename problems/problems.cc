@@ -15,8 +15,9 @@
 #include "problems/equations/heat_4d.h"
 #include "problems/equations/helmholtz.h"
 #include "problems/equations/korteweg_de_vries.h"
-#include "problems/equations/poisson_5d.h"
+#include "problems/equations/poisson_box.h"
 #include "problems/equations/reaction.h"
+#include "problems/equations/two_solitons.h"
 #include "problems/equations/wave.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
@@ -97,6 +98,11 @@ void RegisterEquations() {
       "kdv_pinn",
       "u_t + u u_x + mu^2 u_xxx = 0, u = g + d N, L = 1/2 mean R^2",
       "Zabusky, Kruskal, Phys. Rev. Lett. 15 (1965)");
+  RegisterProblem<TwoSolitonsPinn>(
+      "two_solitons_pinn",
+      "u_t + u u_x + u_xxx = 0, u = g + d N, L = 1/2 mean R^2 + "
+      "w/2 mean (u_x - u*_x)^2 at x = 20",
+      "Urban et al., J. Comput. Phys. 523 (2025)");
   RegisterProblem<AllenCahnPinn>(
       "allen_cahn_pinn",
       "u_t = D u_xx + 5 (u - u^3), u = g + d N, L = 1/2 mean R^2",
@@ -120,10 +126,14 @@ void RegisterEquations() {
       "u_t = laplace(u) / 4, u = g + t N, L = 1/2 mean R^2 + "
       "w/2 mean (u - u*)^2 at the faces",
       "KFAC for PINNs, NeurIPS 2024");
-  RegisterProblem<Poisson5dPinn>(
+  RegisterProblem<PoissonBoxPinn<5>>(
       "poisson_5d_pinn",
       "-laplace(u) = f, L = 1/2 mean R^2 + w/2 mean (u - "
       "u*)^2 at the faces",
+      "KFAC for PINNs, NeurIPS 2024");
+  RegisterProblem<PoissonBoxPinn<10>>(
+      "poisson_10d_pinn",
+      "laplace(u) = 0, L = 1/2 mean R^2 + w/2 mean (u - u*)^2 at the faces",
       "KFAC for PINNs, NeurIPS 2024");
   RegisterProblem<HelmholtzPinn>(
       "helmholtz_pinn",

@@ -7,6 +7,7 @@
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
 #include "problems/equations/korteweg_de_vries.h"
+#include "problems/equations/two_solitons.h"
 
 namespace invgrad {
 namespace {
@@ -28,11 +29,13 @@ bool Create(const Settings& settings,
 
 struct Row {
   const char* name;  // as in Problems()
+  double end;
   bool (*create)(const Settings&, EvolutionProblem*, std::string*);
 };
-constexpr Row kRows[] = {{"burgers_pinn", Create<BurgersPinn>},
-                         {"kdv_pinn", Create<KortewegDeVriesPinn>},
-                         {"allen_cahn_pinn", Create<AllenCahnPinn>}};
+constexpr Row kRows[] = {{"burgers_pinn", 1.0, Create<BurgersPinn>},
+                         {"kdv_pinn", 1.0, Create<KortewegDeVriesPinn>},
+                         {"two_solitons_pinn", 5.0, Create<TwoSolitonsPinn>},
+                         {"allen_cahn_pinn", 1.0, Create<AllenCahnPinn>}};
 
 }  // namespace
 
@@ -48,6 +51,7 @@ bool CreateEvolution(const std::string& specification,
   std::vector<std::string> names;
   for (const Row& row : kRows) {
     if (parsed[0].name == row.name) {
+      evolution->end = row.end;
       return row.create(parsed[0].settings, evolution, error);
     }
     names.emplace_back(row.name);

@@ -12,6 +12,7 @@
 namespace invgrad {
 
 struct EvolutionProblem {
+  double end;  // 0 <= t <= end
   InputFunction start;
   // With solution and box in the window.
   std::function<EquationProblem(const TimeWindow& window)> in_window;

@@ -15,7 +15,7 @@
 #include "problems/equations/heat.h"
 #include "problems/equations/helmholtz.h"
 #include "problems/equations/korteweg_de_vries.h"
-#include "problems/equations/poisson_5d.h"
+#include "problems/equations/poisson_box.h"
 #include "problems/exponential.h"
 #include "problems/multimodal.h"
 #include "problems/poisson_pinn.h"

@@ -99,7 +99,9 @@ bool CreateEquationProblem(const EquationProblem& of,
     data << points.points.transpose(), points.weights;
   }
   const MatrixXd test =
-      GridPoints(of.test_box.value_or(of.box), of.test_counts);
+      of.test_points.size() > 0
+          ? of.test_points
+          : GridPoints(of.test_box.value_or(of.box), of.test_counts);
   const VectorXd equal =
       VectorXd::Constant(test.cols(), 1.0 / static_cast<double>(test.cols()));
   if (!EquationSamples(equation, &problem->train, error) ||

@@ -43,6 +43,8 @@ struct EquationProblem {
   // one.
   std::vector<int> test_counts;
   std::optional<Box> test_box;
+  // In place of the grid, unless empty: points, one a column.
+  Eigen::MatrixXd test_points;
 
   // u* at points, one a column; empty if it is not known.
   Eigen::VectorXd SolutionAt(const Eigen::MatrixXd& points) const;
