@@ -77,7 +77,7 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
                  DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
                  error);
   if (network == nullptr) return false;
-  const auto generate = [rows, n](int num_states, std::uint32_t seed) {
+  const auto generate = [=](int num_states, std::uint32_t seed) {
     return RandomHeatStates(num_states, rows, n, seed);
   };
   const SampleSize sample_size = {

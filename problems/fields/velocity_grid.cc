@@ -35,7 +35,7 @@ int Wrap(int i, int n) { return (i % n + n) % n; }
 }  // namespace
 
 VelocityGrid::VelocityGrid(int rows, int cols, Place place, Box box)
-    : place_(place), box_(box) {
+    : box_(box) {
   const bool is_closed = box == Box::kClosed;
   const bool has_faces = place == Place::kFaces;
   CHECK(has_faces || !is_closed) << "a closed box has its velocity on faces";

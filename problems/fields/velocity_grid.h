@@ -70,7 +70,6 @@ class VelocityGrid {
  private:
   int Face(int c, int i, int j) const;
 
-  Place place_;
   Box box_;
   Lattice cells_;
   std::array<Lattice, 2> components_;
