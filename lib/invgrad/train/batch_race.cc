@@ -92,6 +92,7 @@ bool BatchRace::BeginNextSlice() {
 
 int BatchRace::End(const std::vector<double>& losses) {
   work_ += costs_.of_judgement * static_cast<double>(losses.size());
+  // The loss, times f.
   const auto score = [&](int lane) {
     const double ratio = 1.0 * sizes_[lane] / path_.back();
     return losses[lane] * std::min(fall_, std::max(1.0, ratio));

@@ -14,12 +14,12 @@
 // noise, and a Jacobian with more rows, which pays late. Which is better now is
 // measured, not predicted.
 //
-//   f                the fall of the run's loss since it was last measured for a
-//                    race, at least 1. The noise of a larger batch falls at once,
-//                    and only once, while its rate may be lower: this gain is
-//                    worth a step to it when it exceeds what the run gains
-//                    anyway. At most b / B, as noise falls by no more: a larger
-//                    gain is one of rate.
+//   f                the factor by which the loss of the run has fallen since it
+//                    was last measured for a race, at least 1 and at most b / B.
+//                    With a larger batch the noise of the loss falls at once, and
+//                    only once, while its rate may be lower: this gain can wait
+//                    until the run stalls. Noise falls by no more than b / B, so
+//                    a larger gain is one of rate.
 //   smaller batches  never below B_0 samples, and only after the work has grown
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
