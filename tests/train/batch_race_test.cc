@@ -25,7 +25,6 @@ namespace batch_race_test {
 BatchRace::Costs Linear() {
   BatchRace::Costs costs;
   costs.of_step = [](int batch_size) { return 1.0 * batch_size; };
-  costs.is_tall = [](int) { return false; };
   costs.fits = [](int, std::string*) { return true; };
   return costs;
 }
@@ -113,7 +112,7 @@ TEST(BatchRace, LargerBatchesMustFit) {
 }
 
 // Where a step costs the third power of its size, four steps with twice as many
-// samples cost 32 steps, a quarter of 128.
+// samples cost 32 steps, a tenth of 320.
 TEST(BatchRace, LargerBatchesMustBeAffordable) {
   BatchRace::Costs costs = Linear();
   costs.of_step = [](int batch_size) {
@@ -125,25 +124,65 @@ TEST(BatchRace, LargerBatchesMustBeAffordable) {
     race.CountStep();
     ++num_steps;
   }
-  EXPECT_GE(num_steps, 128);
-  EXPECT_LE(num_steps, 200);
+  EXPECT_GE(num_steps, 320);
+  EXPECT_LE(num_steps, 500);
 }
 
-TEST(BatchRace, TallBatchesGrowAtAStallOnly) {
-  BatchRace::Costs costs = Linear();
-  costs.is_tall = [](int) { return true; };
-  BatchRace race(8, 1000, costs);
-  double loss = 1.0;
-  bool races = false;
-  for (int k = 0; k < 1000; ++k) {
-    if (race.IsDue()) {
-      races |= race.Begin(loss);
-      loss *= 0.5;
-    }
-    race.CountStep();
+// The loss has two factors: what is left, which falls by the same share with
+// each step, so that small batches are faster, and noise, 1 + 8 / B, which falls
+// at once with a larger batch, and only once.
+class OneTimeGain {
+ public:
+  double left = 1.0;
+
+  double Loss(int batch_size) const { return left * (1.0 + 8.0 / batch_size); }
+  void Step(double fall, BatchRace* race) {
+    left /= fall;
+    race->CountStep();
   }
-  EXPECT_FALSE(races);
-  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 32}));
+};
+
+// Returns the batch size after so many steps.
+int SizeAfter(int num_steps, double fall) {
+  BatchRace race(8, 1000, Linear());
+  OneTimeGain run;
+  std::vector<OneTimeGain> slices;
+  std::vector<double> losses;
+  OneTimeGain start;
+  for (int k = 0; k < num_steps; ++k) {
+    if (race.IsDue() && race.Begin(run.Loss(race.batch_size()))) start = run;
+    const int size = race.batch_size();
+    run.Step(fall, &race);
+    if (!race.IsSliceOver()) continue;
+    slices.push_back(run);
+    losses.push_back(run.Loss(size));
+    run = start;
+    if (race.BeginNextSlice()) continue;
+    const int winner = race.End(losses);
+    if (winner >= 0) run = slices[winner];
+    slices.clear();
+    losses.clear();
+  }
+  return race.batch_size();
+}
+
+TEST(BatchRace, AOneTimeGainIsTakenAtAStallOnly) {
+  EXPECT_EQ(SizeAfter(3000, 1.02), 8);
+  EXPECT_GT(SizeAfter(3000, 1.0), 100);
+}
+
+// More than noise can fall: the larger batch has the better rate.
+TEST(BatchRace, AGainAboveTheRatioOfTheSizesIsARate) {
+  for (const double share : {0.9, 1.1}) {
+    BatchRace race(8, 1000, Linear());
+    RunRace([](int) { return 1.0; }, &race);
+    while (!(race.IsDue() && race.Begin(1e-3))) race.CountStep();
+    race.BeginNextSlice();
+    const int larger = race.batch_size();
+    ASSERT_GT(larger, 8);
+    race.End({1e-3, 1e-3 / (share * larger / 8)});
+    EXPECT_EQ(race.batch_size(), share < 1.0 ? 8 : larger);
+  }
 }
 
 TEST(BatchRace, TakesAFifthOfTheWork) {

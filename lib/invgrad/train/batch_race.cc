@@ -17,12 +17,11 @@ constexpr int kSmallFactor = 2;
 // batch at most.
 constexpr double kBetweenRaces = 0.25;
 constexpr double kSlice = 0.03;
-constexpr double kAffordable = 0.25;
+constexpr double kAffordable = 0.1;
 constexpr int kLeastStepsOfSlice = 4;
 constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 // Until one is tried again where there is only one size.
 constexpr double kRetry = 1.3;
-constexpr double kStall = 1.3;
 constexpr double kNextSmaller = 4.0;
 constexpr double kWorse = 1.5;
 
@@ -41,10 +40,7 @@ int BatchRace::Times(int factor) const {
       std::min(1.0 * factor * path_.back(), 1.0 * num_samples_));
 }
 
-int BatchRace::Larger(double loss) {
-  const bool has_stalled = !(loss < last_loss_ / kStall);
-  last_loss_ = loss;
-  if (costs_.is_tall(path_.back()) && !has_stalled) return 0;
+int BatchRace::Larger() {
   for (const int size : {Times(kFactor), Times(kSmallFactor)}) {
     std::string ignored;
     if (size > path_.back() &&
@@ -65,9 +61,11 @@ int BatchRace::Smaller() {
 
 bool BatchRace::Begin(double loss) {
   begin_ = work_;
+  fall_ = std::max(1.0, last_loss_ / loss);
+  last_loss_ = loss;
   work_ += costs_.of_judgement;
   std::vector<int> sizes = {path_.back()};
-  for (const int size : {Larger(loss), Smaller()}) {
+  for (const int size : {Larger(), Smaller()}) {
     if (size > 0) sizes.push_back(size);
   }
   if (sizes.size() == 1) {
@@ -94,9 +92,16 @@ bool BatchRace::BeginNextSlice() {
 
 int BatchRace::End(const std::vector<double>& losses) {
   work_ += costs_.of_judgement * static_cast<double>(losses.size());
-  const auto best = std::min_element(losses.begin(), losses.end());
-  int winner = static_cast<int>(best - losses.begin());
-  if (*best < kWorse * last_loss_) {
+  // The loss, times f.
+  const auto score = [&](int lane) {
+    const double ratio = 1.0 * sizes_[lane] / path_.back();
+    return losses[lane] * std::min(fall_, std::max(1.0, ratio));
+  };
+  int winner = 0;
+  for (int lane = 1; lane < static_cast<int>(losses.size()); ++lane) {
+    if (score(lane) < score(winner)) winner = lane;
+  }
+  if (losses[winner] < kWorse * last_loss_) {
     const int size = sizes_[winner];
     if (size != path_.back()) path_.push_back(size);
   } else {
@@ -140,6 +145,7 @@ void BatchRace::VisitState(StateArchive* archive) {
   archive->Visit("work_of_slice", &slice_);
   archive->Visit("end_of_slice", &end_of_slice_);
   archive->Visit("begin_of_race", &begin_);
+  archive->Visit("fall", &fall_);
 }
 
 }  // namespace invgrad

@@ -7,20 +7,23 @@
 //       from the same weights and the same state of the rule:
 //       steps with b samples, until 3 % of the work so far is done
 //     the slice with the lowest loss on samples that no slice used goes on:
-//     B, the weights and the state of the rule are those of the slice
+//     B, the weights and the state of the rule are those of the slice; the
+//     loss of a larger batch counts f times
 //
 // Small batches are cheap and make fast progress early; large ones have less
 // noise, and a Jacobian with more rows, which pays late. Which is better now is
 // measured, not predicted.
 //
+//   f                the factor by which the loss of the run has fallen since it
+//                    was last measured for a race, at least 1 and at most b / B.
+//                    With a larger batch the noise of the loss falls at once, and
+//                    only once, while its rate may be lower: this gain can wait
+//                    until the run stalls. Noise falls by no more than b / B, so
+//                    a larger gain is one of rate.
 //   smaller batches  never below B_0 samples, and only after the work has grown
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
-//                    quarter of all work so far, and fit in memory. Where a
-//                    batch has at least twice as many rows as there are weights,
-//                    also only if the loss of new samples has fallen by less than
-//                    a factor of 1.3 since the last race: the noise of a larger
-//                    batch falls at once, its rate may be lower.
+//                    tenth of all work so far, and fit in memory
 //   no winner        if all slices end above 1.5 times the loss before the race:
 //                    the run goes back to where the race began
 //   cost             a race begins when earlier ones are a fifth of all work
@@ -32,7 +35,6 @@
 #define INVGRAD_TRAIN_BATCH_RACE_H_
 
 #include <functional>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -45,8 +47,6 @@ class BatchRace {
   struct Costs {
     std::function<double(int batch_size)> of_step;  // work
     double of_judgement = 0.0;  // of one loss on the samples that judge
-    // Whether a batch has at least twice as many rows as there are weights.
-    std::function<bool(int batch_size)> is_tall;
     // Whether a batch fits in memory; if not, *why says how much it needs.
     std::function<bool(int batch_size, std::string* why)> fits;
   };
@@ -82,7 +82,7 @@ class BatchRace {
   // The last size, times a factor, at most all samples.
   int Times(int factor) const;
   // The size to try beside the last one; 0: none.
-  int Larger(double loss);
+  int Larger();
   int Smaller();
 
   const int first_batch_size_;
@@ -93,7 +93,7 @@ class BatchRace {
   double work_ = 0.0;
   double next_race_ = 0.0;
   double next_smaller_ = 0.0;
-  double last_loss_ = std::numeric_limits<double>::infinity();
+  double last_loss_ = 0.0;
 
   // Of a race.
   std::vector<int> sizes_;
@@ -101,6 +101,7 @@ class BatchRace {
   double slice_ = 0.0;
   double end_of_slice_ = 0.0;
   double begin_ = 0.0;  // the work before it
+  double fall_ = 1.0;   // of the loss before it
 };
 
 }  // namespace invgrad

@@ -101,9 +101,6 @@ std::unique_ptr<Engine> MakeRacedEngine(
   const int num_samples = data.train.num_samples();
   const int num_judging = std::min(kMaxNumJudging, (num_samples + 1) / 2);
   costs.of_judgement = pass * num_judging;
-  costs.is_tall = [=](int batch_size) {
-    return rows * batch_size >= 2.0 * num_weights;
-  };
   costs.fits = std::move(fits);
   BatchRace race(engine->batch_size(), num_samples, std::move(costs));
   return std::make_unique<RacedEngine>(
