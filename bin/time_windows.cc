@@ -89,10 +89,10 @@ bool Check(Settings* settings, std::string* error) {
   if (training.seconds == 0.0 && training.steps == 0 && training.epochs == 0) {
     training.steps = 300;
   }
-  for (int k = 0; k <= FLAGS_windows; ++k) {
-    settings->times.push_back(settings->evolution.end * k / FLAGS_windows);
-  }
   const EvolutionProblem& evolution = settings->evolution;
+  for (int k = 0; k <= FLAGS_windows; ++k) {
+    settings->times.push_back(evolution.end * k / FLAGS_windows);
+  }
   settings->whole = evolution.in_window({0.0, evolution.end, evolution.start});
   const EquationProblem& whole = settings->whole;
   settings->points =

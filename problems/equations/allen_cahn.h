@@ -60,6 +60,7 @@ struct AllenCahnResidual {
 };
 
 struct AllenCahnPinn {
+  static constexpr double kEnd = 1.0;  // 0 <= t <= 1
   double diffusivity = 1e-4;
   int num_t = 48;
   int num_x = 128;
@@ -145,7 +146,7 @@ struct AllenCahnPinn {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
+    return CreateEquationProblem(InWindow({0.0, kEnd, Start}), problem, error);
   }
 };
 

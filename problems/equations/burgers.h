@@ -56,6 +56,7 @@ struct BurgersResidual {
 };
 
 struct BurgersPinn {
+  static constexpr double kEnd = 1.0;  // 0 <= t <= 1
   double viscosity = 0.01;
   int num_t = 64;
   int num_x = 64;
@@ -167,7 +168,7 @@ struct BurgersPinn {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
+    return CreateEquationProblem(InWindow({0.0, kEnd, Start}), problem, error);
   }
 };
 

@@ -20,6 +20,7 @@ bool Create(const Settings& settings,
   OptionSet set;
   definition.Describe(&set);
   if (!set.SetAll(settings, error)) return false;
+  evolution->end = Definition::kEnd;
   evolution->start = Definition::Start;
   evolution->in_window = [definition](const TimeWindow& window) {
     return definition.InWindow(window);
@@ -29,13 +30,12 @@ bool Create(const Settings& settings,
 
 struct Row {
   const char* name;  // as in Problems()
-  double end;
   bool (*create)(const Settings&, EvolutionProblem*, std::string*);
 };
-constexpr Row kRows[] = {{"burgers_pinn", 1.0, Create<BurgersPinn>},
-                         {"kdv_pinn", 1.0, Create<KortewegDeVriesPinn>},
-                         {"two_solitons_pinn", 5.0, Create<TwoSolitonsPinn>},
-                         {"allen_cahn_pinn", 1.0, Create<AllenCahnPinn>}};
+constexpr Row kRows[] = {{"burgers_pinn", Create<BurgersPinn>},
+                         {"kdv_pinn", Create<KortewegDeVriesPinn>},
+                         {"two_solitons_pinn", Create<TwoSolitonsPinn>},
+                         {"allen_cahn_pinn", Create<AllenCahnPinn>}};
 
 }  // namespace
 
@@ -51,7 +51,6 @@ bool CreateEvolution(const std::string& specification,
   std::vector<std::string> names;
   for (const Row& row : kRows) {
     if (parsed[0].name == row.name) {
-      evolution->end = row.end;
       return row.create(parsed[0].settings, evolution, error);
     }
     names.emplace_back(row.name);

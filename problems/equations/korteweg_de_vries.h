@@ -48,6 +48,7 @@ struct KortewegDeVriesResidual {
 };
 
 struct KortewegDeVriesPinn {
+  static constexpr double kEnd = 1.0;  // 0 <= t <= 1
   double dispersion = 4.84e-4;
   int num_t = 64;
   int num_x = 128;
@@ -101,7 +102,7 @@ struct KortewegDeVriesPinn {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
+    return CreateEquationProblem(InWindow({0.0, kEnd, Start}), problem, error);
   }
 };
 

@@ -53,6 +53,7 @@ struct SlopeResidual {
 };
 
 struct TwoSolitonsPinn {
+  static constexpr double kEnd = 5.0;  // 0 <= t <= 5
   static constexpr double kWidth = 20.0;
   int num_t = 64;
   int num_x = 128;
@@ -144,7 +145,7 @@ struct TwoSolitonsPinn {
     return kdv;
   }
 
-  EquationProblem MakeEquation() const { return InWindow({0.0, 5.0, Start}); }
+  EquationProblem MakeEquation() const { return InWindow({0.0, kEnd, Start}); }
 
   bool Create(LearningProblem* problem, std::string* error) const {
     return CreateEquationProblem(MakeEquation(), problem, error);

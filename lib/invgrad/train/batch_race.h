@@ -24,8 +24,8 @@
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
 //                    tenth of all work so far, and fit in memory
-//   no winner        if all slices end above 1.5 times the loss before the race:
-//                    the run goes back to where the race began
+//   no winner        if the best slice ends above 1.5 times the loss before the
+//                    race: the run goes back to where the race began
 //   cost             a race begins when earlier ones are a fifth of all work
 //
 // Units:   work is a count of operations, from sizes: the same run repeats bit
