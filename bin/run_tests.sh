@@ -18,5 +18,6 @@ for package in "${optional_packages[@]}"; do
 done
 with_tests=true
 build_release all
+# One more test than processors, because some wait: for ranks, or for a signal.
 ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \
-  --parallel "$(nproc)" "$@"
+  --parallel "$(($(nproc) + 1))" "$@"

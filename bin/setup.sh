@@ -73,11 +73,11 @@ install_missing() {
     cannot_install "apt-get could not install them" "${missing[@]}"
 }
 
-# One compiler per processor and per 2 GB of memory, which translation units
+# One compiler per processor and per 3 GB of memory, which translation units
 # with many Jets need.
 build_jobs() {
   local by_memory jobs
-  by_memory=$(awk '/^MemAvailable:/ {print int($2 / 2e6)}' /proc/meminfo)
+  by_memory=$(awk '/^MemAvailable:/ {print int($2 / 3e6)}' /proc/meminfo)
   jobs=$(nproc)
   if ((by_memory < jobs)); then jobs=$by_memory; fi
   echo $((jobs > 0 ? jobs : 1))
