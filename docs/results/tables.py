@@ -44,11 +44,11 @@ FAILED = ("diverged", "refused", "damaged", "killed")  # how a status begins
 def number(value, digits):
     if not math.isfinite(value):
         return "failed"
-    if value >= 10**digits or isinstance(value, int):
+    if isinstance(value, int) or 10**digits <= value < 1e6:
         return f"{value:,.0f}"
-    if value >= 1e-3 or value == 0:
+    if 1e-3 <= value < 1e6 or value == 0:
         return f"{value:#.{digits}g}".rstrip(".")
-    return f"{value:.{digits - 1}e}".replace("e-0", "e-")
+    return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+", "e")
 
 
 def read(file):
