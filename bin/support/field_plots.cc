@@ -175,7 +175,8 @@ Picture FunctionPicture(const LearningProblem& problem,
                         const std::vector<const LearningRunResult*>& runs) {
   const FunctionOnGrid& function = *problem.function_on_grid;
   Picture picture = {path_png, {}, 2};
-  AddFunctionPanels("u*", function.rows, function.truth, nullptr, &picture);
+  const VectorXd truth = function.truth();
+  AddFunctionPanels("u*", function.rows, truth, nullptr, &picture);
   picture.panels.emplace_back();
   for (const LearningRunResult* run : BestRuns(problem, runs)) {
     const auto pass = problem.model->network().NewPass();
@@ -191,7 +192,7 @@ Picture FunctionPicture(const LearningProblem& problem,
         ShortNames({run->label})[0],
         function.rows,
         function.values(problem.model->SimulatorInputs(*pass), problem.test),
-        &function.truth,
+        &truth,
         &picture);
   }
   return picture;

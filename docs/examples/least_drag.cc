@@ -29,6 +29,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -108,8 +109,10 @@ struct Surrogate {
   }
 };
 
-Surrogate TrainSurrogate(const std::string& method, int num_shapes) {
-  constexpr double kSeconds = 2.0;  // of the processor
+// `seconds`: of the processor.
+Surrogate TrainSurrogate(const std::string& method,
+                         int num_shapes,
+                         double seconds) {
   const MatrixXd shapes = (kUpper - kLower).asDiagonal() *
                               invgrad::NumpyRandom(0).Rand(2, num_shapes) +
                           kLower.replicate(1, num_shapes);
@@ -123,7 +126,7 @@ Surrogate TrainSurrogate(const std::string& method, int num_shapes) {
                              std::make_shared<invgrad::SquaredNormLoss>(1, 0.5),
                              invgrad::Reduction::kMean);
   invgrad::TrainOptions options;
-  options.max_time_in_seconds = kSeconds;
+  options.max_time_in_seconds = seconds;
   options.cpu_time = true;
   options.batch_size = 0;
   options.seed = 1;
@@ -169,8 +172,10 @@ double PrintShape(const std::string& name, const Vector2d& p) {
 
 }  // namespace
 
-int main(int /*argc*/, char** argv) {
+// The argument, if any: the seconds of each training.
+int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
+  const double seconds = argc > 1 ? std::max(std::atof(argv[1]), 0.1) : 2.0;
   invgrad::SetBlasThreads(1);
   std::printf(
       "%-48s  %7s  %7s  %9s  %9s\n", "", "length", "b / c", "drag", "too much");
@@ -186,7 +191,7 @@ int main(int /*argc*/, char** argv) {
                                      "geodesic"}) {
       const double drag =
           PrintShape(std::to_string(num_shapes) + " shapes, " + method,
-                     LeastDrag(TrainSurrogate(method, num_shapes)));
+                     LeastDrag(TrainSurrogate(method, num_shapes, seconds)));
       worst = std::max(worst, drag);
     }
   }

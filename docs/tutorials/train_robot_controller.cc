@@ -133,8 +133,8 @@ std::vector<MeasuredDrive> MeasureDrives(int num_drives) {
 }
 
 // [step]
-// The same with wheels that the network controls: u = 1 asks for three quarters
-// of the top speed.
+// The same with wheels that the network controls: u = 1 sets three quarters of
+// the top speed.
 struct RobotStep {
   static constexpr double kTopSpeed = 10.0;  // [rad/s]
   Geometry geometry;

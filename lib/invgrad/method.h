@@ -8,7 +8,7 @@
 //   half_inverse:truncation=1e-6            rule
 //   newton/inverse/adam:y_step_size=0.5     loss, simulator and network
 //   sip:step_size=1e-3                      the same, by its name
-//   ceres_lm:initial_radius=1e6             Ceres
+//   ceres_lm:jacobi_scaling=false           Ceres
 //   ceres_lm+half_inverse                   Ceres with an UpdateCallback
 //   ceres_lm+newton/inverse/gauss_newton    the same with a pull-back
 //   ceres_lm+sip                            the same, by its name

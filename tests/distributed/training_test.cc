@@ -201,7 +201,8 @@ TEST(DistributedTraining, SharesLargeGramMatrices) {
   for (const int batch_size : {253, 325, 481}) {
     ExpectSameTraining({"oscillator_chain:num_samples=1200",
                         "half_inverse:truncation=1e-2",
-                        batch_size});
+                        batch_size,
+                        /*steps=*/2});
   }
 }
 

@@ -80,7 +80,7 @@ TEST_F(ExamplesTest, PhysicalGradients) {
 }
 
 TEST_F(ExamplesTest, LeastDrag) {
-  const Output output = RunExample("least_drag");
+  const Output output = RunExample("least_drag", {"0.3"});
   EXPECT_EQ(output.exit_code, 0) << output.text;
   ExpectSays(output, {"closed form", "80 shapes, adam", "truth found"});
 }

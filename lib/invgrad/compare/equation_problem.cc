@@ -1,6 +1,7 @@
 #include "invgrad/compare/equation_problem.h"
 
 #include <memory>
+#include <mutex>
 #include <utility>
 
 #include "fmt/core.h"
@@ -42,21 +43,45 @@ bool CheckPoints(const Box& box, const MatrixXd& data, std::string* error) {
   return true;
 }
 
-Metric L2Error(const TrialFunction& trial, VectorXd solution) {
+// u* at points, computed when it is first used: a reference may take longer than
+// all the rest.
+class LazySolution {
+ public:
+  LazySolution(EquationProblem of, MatrixXd points)
+      : of_(std::move(of)), points_(std::move(points)) {}
+
+  const VectorXd& Values() const {
+    std::call_once(once_, [this] { values_ = of_.SolutionAt(points_); });
+    return values_;
+  }
+
+ private:
+  const EquationProblem of_;
+  const MatrixXd points_;
+  mutable std::once_flag once_;
+  mutable VectorXd values_;
+};
+
+Metric L2Error(const TrialFunction& trial,
+               std::shared_ptr<const LazySolution> solution) {
   return {"L2_error",
           [trial, solution = std::move(solution)](const MatrixXd& x,
                                                   const DataSet& samples) {
-            CHECK_EQ(samples.num_samples(), solution.size());
+            const VectorXd& truth = solution->Values();
+            CHECK_EQ(samples.num_samples(), truth.size());
             const VectorXd u = trial.Values(x, samples.contexts).row(0);
-            return (u - solution).norm() / solution.norm();
+            return (u - truth).norm() / truth.norm();
           }};
 }
 
 // For pictures of functions of two coordinates.
-FunctionOnGrid PictureOf(const EquationProblem& of, VectorXd solution) {
+FunctionOnGrid PictureOf(const EquationProblem& of,
+                         std::shared_ptr<const LazySolution> solution) {
   FunctionOnGrid picture;
   picture.rows = of.test_counts[0];
-  picture.truth = std::move(solution);
+  picture.truth = [solution = std::move(solution)] {
+    return solution->Values();
+  };
   picture.values = [trial = of.equation.trial](const MatrixXd& x,
                                                const DataSet& samples) {
     return VectorXd(trial.Values(x, samples.contexts).row(0));
@@ -77,7 +102,7 @@ void PointOptions::Describe(OptionSet* set) {
 
 VectorXd EquationProblem::SolutionAt(const MatrixXd& points) const {
   if (solution_at != nullptr) return solution_at(points);
-  if (solution == nullptr) return VectorXd();
+  if (!HasSolution()) return VectorXd();
   VectorXd values(points.cols());
   for (Index s = 0; s < points.cols(); ++s) values[s] = solution(points.col(s));
   return values;
@@ -115,8 +140,8 @@ bool CreateEquationProblem(const EquationProblem& of,
         RenewedPoints::Options{of.points.renewal,
                                of.points.points == "residual"});
   }
-  const VectorXd solution = of.SolutionAt(test);
-  if (solution.size() > 0) {
+  if (of.HasSolution()) {
+    const auto solution = std::make_shared<const LazySolution>(of, test);
     problem->metric = L2Error(equation.trial, solution);
     if (of.test_counts.size() == 2) {
       problem->function_on_grid = PictureOf(of, solution);

@@ -46,6 +46,9 @@ struct EquationProblem {
   // In place of the grid, unless empty: points, one a column.
   Eigen::MatrixXd test_points;
 
+  bool HasSolution() const {
+    return solution != nullptr || solution_at != nullptr;
+  }
   // u* at points, one a column; empty if it is not known.
   Eigen::VectorXd SolutionAt(const Eigen::MatrixXd& points) const;
 };

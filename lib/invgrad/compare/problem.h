@@ -70,7 +70,8 @@ struct Metric {
 // a grid whose first coordinate is constant in a row.
 struct FunctionOnGrid {
   int rows = 0;
-  Eigen::VectorXd truth;  // row by row
+  // Its values, row by row, as the next ones.
+  std::function<Eigen::VectorXd()> truth;
   // For the network's outputs x, |x| x N.
   std::function<Eigen::VectorXd(const Eigen::MatrixXd& x, const DataSet& data)>
       values;
