@@ -24,7 +24,6 @@ constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 constexpr double kRetry = 1.3;
 constexpr double kNextSmaller = 4.0;
 constexpr double kWorse = 1.5;
-constexpr double kPreference = 0.8;  // for a larger batch
 
 }  // namespace
 
@@ -93,10 +92,10 @@ bool BatchRace::BeginNextSlice() {
 
 int BatchRace::End(const std::vector<double>& losses) {
   work_ += costs_.of_judgement * static_cast<double>(losses.size());
+  // The loss, times f.
   const auto score = [&](int lane) {
     const double ratio = 1.0 * sizes_[lane] / path_.back();
-    return ratio > 1.0 ? kPreference * std::min(fall_, ratio) * losses[lane]
-                       : losses[lane];
+    return losses[lane] * std::min(fall_, std::max(1.0, ratio));
   };
   int winner = 0;
   for (int lane = 1; lane < static_cast<int>(losses.size()); ++lane) {

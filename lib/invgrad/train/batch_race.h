@@ -8,7 +8,7 @@
 //       steps with b samples, until 3 % of the work so far is done
 //     the slice with the lowest loss on samples that no slice used goes on:
 //     B, the weights and the state of the rule are those of the slice; the
-//     loss of a larger batch counts 0.8 f times
+//     loss of a larger batch counts f times
 //
 // Small batches are cheap and make fast progress early; large ones have less
 // noise, and a Jacobian with more rows, which pays late. Which is better now is
@@ -20,8 +20,6 @@
 //                    only once, while its rate may be lower: this gain can wait
 //                    until the run stalls. Noise falls by no more than b / B, so
 //                    a larger gain is one of rate.
-//   0.8              at equal losses the larger batch goes on, whose steps follow
-//                    the noise of single samples less.
 //   smaller batches  never below B_0 samples, and only after the work has grown
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
