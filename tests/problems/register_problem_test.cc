@@ -8,6 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/compare/compare.h"
+#include "invgrad/compare/equation_problem.h"
 
 namespace invgrad {
 namespace register_problem_test {
@@ -103,6 +104,30 @@ TEST(RegisterProblem, AnEquationNeedsNoKnownSolution) {
   EXPECT_FALSE(made.learning->metric.has_value());
   EXPECT_EQ(made.learning->train.num_samples(), 4);
   EXPECT_EQ(made.learning->test.num_samples(), 5);
+}
+
+// A reference may take seconds, and listings and messages need none.
+TEST(RegisterProblem, AKnownSolutionIsComputedOnceAtItsFirstUse) {
+  EquationProblem equation;
+  std::string error;
+  ASSERT_TRUE(Constant().Create(&equation, &error)) << error;
+  EXPECT_FALSE(equation.HasSolution());
+  int num_solved = 0;
+  equation.solution_at = [&num_solved](const Eigen::MatrixXd& points) {
+    ++num_solved;
+    return Eigen::VectorXd(Eigen::VectorXd::Ones(points.cols()));
+  };
+  EXPECT_TRUE(equation.HasSolution());
+  LearningProblem problem;
+  ASSERT_TRUE(CreateEquationProblem(equation, &problem, &error)) << error;
+  ASSERT_TRUE(problem.metric.has_value());
+  EXPECT_EQ(num_solved, 0);
+  // With N = 0 the trial function is the solution, u = 1.
+  const Eigen::MatrixXd x = Eigen::MatrixXd::Zero(
+      problem.model->simulator().num_inputs(), problem.test.num_samples());
+  EXPECT_EQ(problem.metric->evaluate(x, problem.test), 0.0);
+  EXPECT_EQ(problem.metric->evaluate(x, problem.test), 0.0);
+  EXPECT_EQ(num_solved, 1);
 }
 
 TEST(RegisterProblem, SettingsAndDataAreChecked) {
