@@ -83,6 +83,7 @@ HtmlReport PointReport(const PointProblem& problem,
                        bool is_over) {
   const auto facts = Facts(problem);
   std::vector<std::string> labels;
+  labels.reserve(methods.size());
   for (const Method& method : methods) labels.push_back(method.label);
   HtmlReport report = NewReport(
       facts[0].second,
