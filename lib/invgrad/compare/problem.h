@@ -70,7 +70,7 @@ struct Metric {
 // a grid whose first coordinate is constant in a row.
 struct FunctionOnGrid {
   int rows = 0;
-  // Its values, row by row, as the next ones.
+  // The true values, row by row, as `values` has them.
   std::function<Eigen::VectorXd()> truth;
   // For the network's outputs x, |x| x N.
   std::function<Eigen::VectorXd(const Eigen::MatrixXd& x, const DataSet& data)>
