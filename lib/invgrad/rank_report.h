@@ -103,7 +103,8 @@ struct GaugeComponent {
 //                              a product; for products of the components of
 //                              blocks of one size, 2 to 8, a factor a component
 // Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses may be
-// positions or calibrations; both are tested. Quaternions are (w, x, y, z) or
+// positions or calibrations; both are tested, for all blocks of a size at once.
+// So write a Gauge where a problem has both in one size. Quaternions are (w, x, y, z) or
 // (x, y, z, w), according to their ceres::Manifold; for other manifolds both
 // orders are tested.
 //

@@ -206,10 +206,11 @@ class UpdateCallback final {
                           std::string* error);
 
   // Wraps the manifolds of the problem's blocks; the destructor restores them
-  // (a LocalParameterization of Ceres 2.1 as its manifold). Rule and problem
-  // must outlive the callback, and the callback the solve. Blocks, manifolds
-  // and constness must not change in between. CHECKs IsSupported, and that the
-  // problem has no other UpdateCallback.
+  // (a LocalParameterization of Ceres 2.1 as its manifold), but for those that
+  // you have set since. Rule and problem must outlive the callback, and the
+  // callback all solves with the options of AddTo. Before blocks, manifolds or
+  // constness change, end the callback; make a new one for the next solve.
+  // CHECKs IsSupported, and that the problem has no other UpdateCallback.
   UpdateCallback(UpdateRule* rule, ceres::Problem* problem);
   UpdateCallback(UpdateRule* rule,
                  ceres::Problem* problem,
@@ -225,7 +226,9 @@ class UpdateCallback final {
   // tolerances to zero, because the callback applies them to the steps of Ceres
   // only (safeguard.h). Set all other options before: a tolerance that is set
   // later can end the run on a proposal. For another solve call it again, with
-  // new options or the same; the rule keeps its memory.
+  // new options or the same; the rule keeps its memory. The options then point
+  // to the callback: do not solve with them after its end. CHECKs that no
+  // manifold was set, and no block held constant, since the callback exists.
   void AddTo(ceres::Solver::Options* options);
 
   Summary summary() const;

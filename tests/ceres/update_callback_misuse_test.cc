@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "ceres/iteration_callback.h"
+#include "ceres/manifold.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/rules.h"
@@ -117,6 +118,30 @@ TEST(UpdateCallback, OneOfAProblemAtATime) {
   PowerRule rule(0.5);
   UpdateCallback callback(&rule, &p.problem);
   EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "still exists");
+}
+
+// A user who follows the advice of a rank report while the callback exists.
+TEST(UpdateCallback, ManifoldsSetMeanwhileAreRefusedAndKept) {
+  PoseProblem pose;
+  PowerRule rule(0.5);
+  auto* fixed_x = new ceres::SubsetManifold(3, {0});
+  {
+    UpdateCallback callback(&rule, &pose.problem);
+    ceres::Solver::Options options;
+    callback.AddTo(&options);
+    pose.problem.SetManifold(pose.t, fixed_x);
+    EXPECT_DEATH(callback.AddTo(&options), "End the callback before");
+  }
+  EXPECT_EQ(pose.problem.GetManifold(pose.t), fixed_x);
+}
+
+TEST(UpdateCallback, BlocksHeldConstantMeanwhileAreRefused) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options;
+  p.problem.SetParameterBlockConstant(&p.x);
+  EXPECT_DEATH(callback.AddTo(&options), "End the callback before");
 }
 
 }  // namespace update_callback_misuse_test

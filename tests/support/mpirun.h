@@ -16,10 +16,12 @@ namespace invgrad {
 inline constexpr char kNoMpi[] = "there is no MPI (apt install libopenmpi-dev)";
 
 // Returns false if there is no mpirun. Lets Open MPI start more ranks than there
-// are cores, and as root, as in a container.
+// are cores, of which those that wait do not keep the others from working, and
+// as root, as in a container.
 inline bool PrepareMpirun() {
   for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT",
                            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM",
+                           "OMPI_MCA_mpi_yield_when_idle",
                            "OMPI_MCA_rmaps_base_oversubscribe"}) {
     ::setenv(name, "1", /*overwrite=*/0);
   }

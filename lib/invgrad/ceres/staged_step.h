@@ -35,8 +35,9 @@ class StagedStep {
                           const ProblemStructure& structure,
                           std::string* error);
 
-  // Wraps the manifolds of the blocks; the destructor restores the manifolds.
-  // The problem must outlive the object (CHECKed if it owns its manifolds).
+  // Wraps the manifolds of the blocks; the destructor restores them, but for
+  // those that the user has set since. The problem must outlive the object
+  // (CHECKed if it owns its manifolds).
   // CHECKs that the blocks are not wrapped. `structure`: of all its residual
   // blocks. `manifold_ownership`: the problem's.
   StagedStep(const ProblemStructure& structure,
@@ -64,14 +65,18 @@ class StagedStep {
   // Unwraps the Euclidean blocks, so that Ceres does not multiply by identity
   // matrices, until the next Stage or Wrap. The blocks must be wrapped when a
   // solve begins, because Ceres then allocates the memory for evaluations.
+  // Wrap CHECKs that nobody else has set a manifold, or held a block constant.
   void Unwrap() { SetWrapped(false); }
-  void Wrap() { SetWrapped(true); }
+  void Wrap();
 
  private:
   class StagingManifold;
   struct Block;
 
   void SetWrapped(bool wrapped);
+
+  // Whether the block's manifold is the one that this object has set.
+  bool IsOurs(const Block& block) const;
 
   ceres::Problem* problem_;
   // Those that the problem does not own.
