@@ -149,11 +149,12 @@ int main(int argc, char** argv) {
   ceres::Solve({}, &of_one, &ignored);
   std::printf(
       "measurements with deviation %g, seed %d: nu = %.5f, from the "
-      "closed form %.5f, true %.5f\n",
+      "closed form %.5f, true %.5f\n%s\n",
       FLAGS_deviation,
       FLAGS_seed,
       burgers.coefficients[0],
       best,
-      kTrueNu);
+      kTrueNu,
+      summary.message.c_str());
   return 0;
 }

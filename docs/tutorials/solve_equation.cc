@@ -91,11 +91,18 @@ int main(int argc, char** argv) {
   options.max_num_steps = FLAGS_steps;
   const TrainResult result =
       Train(EquationModel(fisher), samples, "geodesic", options);
+  if (!result.error.empty()) {
+    std::fprintf(stderr, "%s\n", result.error.c_str());
+    return 1;
+  }
   // [/train]
   // [solution]
   const Eigen::MatrixXd points = GridPoints(box, {41, 101});
   Eigen::MatrixXd u;
-  if (!Solution(fisher, result.weights, points, &u, &error)) return 1;
+  if (!Solution(fisher, result.weights, points, &u, &error)) {
+    std::fprintf(stderr, "%s\n", error.c_str());
+    return 1;
+  }
   std::ofstream file("solve_equation.txt");
   double largest = 0.0;
   for (Eigen::Index s = 0; s < points.cols(); ++s) {

@@ -66,6 +66,10 @@ struct Pendulum {
 };
 
 void Report(const std::string& method, const invgrad::TrainResult& result) {
+  if (!result.error.empty()) {
+    std::printf("  %s\n", result.error.c_str());
+    return;
+  }
   std::printf("  %-36s loss %.1e after %ld steps\n",
               method.c_str(),
               result.history.back().train_loss,

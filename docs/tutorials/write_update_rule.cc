@@ -191,6 +191,10 @@ void TrainBy(const std::string& method) {
   const Eigen::MatrixXd angles = Eigen::RowVectorXd::LinSpaced(256, -1.0, 1.0);
   const invgrad::TrainResult result =
       invgrad::Train(model, {angles, angles}, method);
+  if (!result.error.empty()) {
+    std::printf("%s\n", result.error.c_str());
+    return;
+  }
   std::printf("%-15s  loss %.1e after %ld steps, %s\n",
               method.c_str(),
               result.history.back().train_loss,

@@ -55,6 +55,7 @@ class DerivativeSet {
   // `variables`: a letter each.
   DerivativeSet(std::string variables, std::vector<std::string> words);
 
+  const std::string& variables() const { return variables_; }
   int num_variables() const { return static_cast<int>(variables_.size()); }
   int num_channels() const { return static_cast<int>(channels_.size()); }  // T
   // 1 + the number of words: the first channels.

@@ -47,8 +47,10 @@
 namespace invgrad {
 
 struct EquationTerm {
-  std::string name;                           // in messages: "equation"
-  std::shared_ptr<const Simulator> residual;  // R_k
+  std::string name;  // in messages: "equation"
+  // R_k. Its input: the values of all functions, then the derivatives of each
+  // word, then p; of u and v with the word t (u, v, u_t, v_t, p).
+  std::shared_ptr<const Simulator> residual;
   QuadraturePoints points;
   double weight = 1.0;
   // c at column s of the points, which has measurements, say; null: R_k has

@@ -4,15 +4,18 @@
 //
 //   u = u_k for t_{k-1} <= t <= t_k,   u_k(t_{k-1}, x) = u_{k-1}(t_{k-1}, x)
 //
-// The first coordinate of a point is the time. At a seam u is continuous
-// exactly, because u_k takes the end of u_{k-1} as its boundary values g
+// The first coordinate of a point is the time. The equation is of first order
+// in it; write u_tt = f as u_t = v, v_t = f. At a seam u is continuous exactly,
+// because u_k takes the end of u_{k-1} as its boundary values g
 // (trial_function.h); so are its derivatives in x, and u_t is as continuous as
 // both satisfy the equation. A window is shorter than the whole, so that its
 // network can be smaller, and no later time influences an earlier one.
 //
 // Cost:    K trainings; g of window k evaluates the k - 1 networks before it at
 //          each of its points, once.
-// Fails:   with the message of the window that fails.
+// Fails:   with the message of the window that fails; before training if there
+//          are several windows and the equation reads a second derivative in
+//          time.
 #ifndef INVGRAD_TIME_WINDOWS_H_
 #define INVGRAD_TIME_WINDOWS_H_
 

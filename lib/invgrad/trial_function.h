@@ -130,10 +130,12 @@ struct TrialFunction {
   int num_functions = 1;
   Features features;  // none: the coordinates
   // Both null: u = N.
-  InputFunction boundary_values;  // g
+  InputFunction boundary_values;  // g; null beside a d: 0
   InputFunction distance;         // d
 
-  bool has_conditions() const { return boundary_values != nullptr; }
+  bool has_conditions() const {
+    return boundary_values != nullptr || distance != nullptr;
+  }
   int NumInputs() const;      // |phi|
   int ConditionSize() const;  // 2 num_functions T, or 0
 

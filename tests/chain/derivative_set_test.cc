@@ -176,7 +176,8 @@ TEST(DerivativeSet, WordsMayBeSpelledInAnyOrder) {
 TEST(DerivativeSetDeathTest, NamesWhatItDoesNotUnderstand) {
   using Words = std::vector<std::string>;
   EXPECT_DEATH(DerivativeSet("tx", Words{"xy"}),
-               "The derivative xy: y is not one of the variables \"tx\"");
+               "The derivative xy: y is not one of the variables \"tx\". The "
+               "word for u_tt is tt.");
   EXPECT_DEATH(DerivativeSet("tx", Words{"xxxxx"}),
                "The derivative xxxxx is of an order above 4");
   EXPECT_DEATH(DerivativeSet("tx", Words{"t+xx"}), "not a sum of second");

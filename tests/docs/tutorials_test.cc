@@ -234,6 +234,8 @@ TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
   ASSERT_NE(best, std::string::npos) << text;
   EXPECT_NEAR(
       std::stod(text.substr(at + 5)), std::stod(text.substr(best + 12)), 5e-4);
+  // Why it ended.
+  EXPECT_NE(text.find(" reached"), std::string::npos) << text;
 }
 
 // The corridor's axis stays at the odometry, 6 mm short; LM loses most of the

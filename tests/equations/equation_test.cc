@@ -4,6 +4,7 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "glog/logging.h"
 #include "gtest/gtest.h"
 #include "invgrad/train.h"
 #include "tests/equations/decay.h"
@@ -97,6 +98,43 @@ TEST(Equation, NamesTermPointAndDerivative) {
       error.rfind("decay: distance 0: its value is not finite at point 0", 0),
       0u)
       << error;
+}
+
+// Keeps the warnings of the log.
+class Warnings : public google::LogSink {
+ public:
+  Warnings() { google::AddLogSink(this); }
+  ~Warnings() override { google::RemoveLogSink(this); }
+  void send(google::LogSeverity severity,
+            const char* /*path*/,
+            const char* /*file*/,
+            int /*line*/,
+            const struct tm* /*time*/,
+            const char* message,
+            size_t length) override {
+    if (severity == google::GLOG_WARNING) text.append(message, length);
+  }
+
+  std::string text;
+};
+
+TEST(Equation, WarnsOfLargeCoordinatesThatFeaturesScale) {
+  Equation decay = DecayEquation(2.0, 0.0, 2000.0);
+  const auto warnings = [&decay] {
+    DataSet samples;
+    std::string error;
+    EXPECT_TRUE(EquationSamples(decay, &samples, &error)) << error;
+    TrainOptions options;
+    options.max_num_steps = 1;
+    const Warnings log;
+    Train(EquationModel(decay), samples, "adam", options);
+    return log.text;
+  };
+  EXPECT_NE(warnings().find("ScaledFeatures (trial_function.h)"),
+            std::string::npos);
+  decay.trial.features = ScaledFeatures(
+      {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(2000.0, 1.0)});
+  EXPECT_EQ(warnings(), "");
 }
 
 }  // namespace equation_test

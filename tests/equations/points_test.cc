@@ -90,5 +90,10 @@ TEST(FacePoints, LieOnTheFacesOfTheirCoordinates) {
   }
 }
 
+TEST(PointsDeathTest, NeedACountForEachCoordinate) {
+  EXPECT_DEATH(GaussPoints(kBox, {2}), "GaussPoints: one count a coordinate");
+  EXPECT_DEATH(GridPoints(kBox, {2}), "GridPoints: one count a coordinate");
+}
+
 }  // namespace points_test
 }  // namespace invgrad

@@ -1,11 +1,14 @@
 #include "invgrad/time_windows.h"
 
 #include <cmath>
+#include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_simulator.h"
 #include "tests/equations/decay.h"
 
 namespace invgrad {
@@ -69,6 +72,42 @@ TEST(TimeWindows, NameTheWindowThatFails) {
                               &error));
   EXPECT_EQ(error.rfind("window 1, t from 0.25 to 1: ", 0), 0u) << error;
   EXPECT_EQ(solutions.weights.size(), 1u);
+}
+
+// u_tt = -u. A second window would start at rest.
+struct Oscillator {
+  template <typename T>
+  bool operator()(const T* u, T* y) const {
+    y[0] = u[1] + u[0];
+    return true;
+  }
+};
+
+TEST(TimeWindows, RefuseASecondDerivativeInTime) {
+  const auto oscillator = [](const TimeWindow& window) {
+    Equation equation = Window(window);
+    equation.trial.derivatives =
+        std::make_shared<DerivativeSet>("tx", std::vector<std::string>{"tt"});
+    equation.terms[0].residual =
+        std::make_shared<AutoDiffSimulator<Oscillator, 2, 1>>();
+    equation.coefficients.resize(0);
+    return equation;
+  };
+  TrainOptions options;
+  options.max_num_steps = 3;
+  WindowSolutions solutions;
+  std::string error;
+  const auto solve = [&](const std::vector<double>& times) {
+    return SolveInWindows(
+        times, DecayStart, oscillator, "geodesic", options, &solutions, &error);
+  };
+  EXPECT_FALSE(solve({0.0, 0.5, 1.0}));
+  EXPECT_EQ(error,
+            "the derivative tt: windows hand over the values only; write u_tt "
+            "as a system of first order in u and v = u_t");
+  EXPECT_TRUE(solutions.weights.empty());
+  // One window hands over nothing.
+  EXPECT_TRUE(solve({0.0, 1.0})) << error;
 }
 
 }  // namespace time_windows_test

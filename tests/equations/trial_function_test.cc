@@ -119,6 +119,26 @@ TEST(TrialFunction, SatisfiesItsConditionsForAnyWeights) {
   EXPECT_LT((u.col(2) - u.col(3)).norm(), 1e-12);
 }
 
+TEST(TrialFunction, IsZeroWhereTheDistanceIsWithoutBoundaryValues) {
+  const MatrixXd points = RandomMatrix(2, 4, 3);
+  TrialFunction zero = Periodic({"t", "xx"});
+  zero.boundary_values = [](const InputJet*, InputJet* g) {
+    g[0] = g[1] = 0.0;
+  };
+  TrialFunction none = zero;
+  none.boundary_values = nullptr;
+  EXPECT_EQ(ValuesAt(none, points), ValuesAt(zero, points));
+  // As a function of jets.
+  const DenseNetwork network({3, 6, 5, 2}, Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network.num_weights(), 1, 2);
+  const InputFunction u = [&](const InputJet* a, InputJet* values) {
+    EvaluateTrialFunction(none, network, weights, a, values);
+  };
+  EXPECT_LT(
+      (JetsOf(*none.derivatives, 2, u, points) - ValuesAt(zero, points)).norm(),
+      kRounding);
+}
+
 TEST(TrialFunction, DerivativesAreDifferencesOfItsValues) {
   const TrialFunction trial = Periodic({"t", "x", "xx", "xt"});
   constexpr double h = 1e-4;

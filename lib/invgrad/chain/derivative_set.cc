@@ -76,7 +76,8 @@ DerivativeSet::Channel DerivativeSet::Parse(const std::string& word) const {
     const std::size_t i = variables_.find(letter);
     CHECK(i != std::string::npos)
         << "The derivative " << word << ": " << letter
-        << " is not one of the variables \"" << variables_ << "\".";
+        << " is not one of the variables \"" << variables_
+        << "\". The word for u_tt is tt.";
     return static_cast<int>(i);
   };
   Channel channel;

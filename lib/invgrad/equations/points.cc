@@ -88,7 +88,8 @@ QuadraturePoints ProductPoints(const std::vector<QuadraturePoints>& rules) {
 }
 
 QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts) {
-  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size());
+  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size())
+      << "GaussPoints: one count a coordinate.";
   std::vector<QuadraturePoints> rules;
   for (Index i = 0; i < box.lower.size(); ++i) {
     rules.push_back(GaussPanels({box.lower[i], box.upper[i]}, {counts[i]}));
@@ -145,6 +146,8 @@ QuadraturePoints FacePoints(const Box& box, int first, int count) {
 }
 
 MatrixXd GridPoints(const Box& box, const std::vector<int>& counts) {
+  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size())
+      << "GridPoints: one count a coordinate.";
   std::vector<VectorXd> nodes;
   for (Index i = 0; i < box.lower.size(); ++i) {
     nodes.emplace_back(

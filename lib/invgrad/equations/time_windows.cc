@@ -30,6 +30,24 @@ InputFunction EndOf(const Equation& equation,
   };
 }
 
+// False, with *error, if the values at the end of a window do not start the
+// next one.
+bool CheckFirstOrderInTime(const DerivativeSet& derivatives,
+                           std::string* error) {
+  const char time = derivatives.variables()[0];
+  for (int k = 1; k < derivatives.num_stated(); ++k) {
+    const std::string& word = derivatives.word(k);
+    if (std::count(word.begin(), word.end(), time) < 2) continue;
+    *error = fmt::format(
+        "the derivative {0}: windows hand over the values only; write u_{1}{1} "
+        "as a system of first order in u and v = u_{1}",
+        word,
+        time);
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 bool WindowSolutions::At(const MatrixXd& points,
@@ -77,7 +95,11 @@ bool SolveInWindows(const std::vector<double>& times,
     window.end = times[k];
     const Equation equation = make_equation(window);
     DataSet samples;
-    if (!EquationSamples(equation, &samples, error)) return false;
+    if ((times.size() > 2 &&
+         !CheckFirstOrderInTime(*equation.trial.derivatives, error)) ||
+        !EquationSamples(equation, &samples, error)) {
+      return false;
+    }
     TrainOptions of_window = options;
     of_window.batch_size = 0;
     TrainResult run =

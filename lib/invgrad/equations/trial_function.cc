@@ -69,21 +69,16 @@ bool TrialFunction::Conditions(const MatrixXd& points,
   conditions->resize(0, points.cols());
   if (!has_conditions()) return true;
   CHECK(distance != nullptr) << "Boundary values have a distance function.";
-  MatrixXd g, d;
-  if (!EvaluateJets(*derivatives,
-                    "boundary value",
-                    num_functions,
-                    boundary_values,
-                    points,
-                    &g,
-                    error) ||
-      !EvaluateJets(*derivatives,
-                    "distance",
-                    num_functions,
-                    distance,
-                    points,
-                    &d,
-                    error)) {
+  const auto evaluate =
+      [&](const char* name, const InputFunction& function, MatrixXd* jets) {
+        return EvaluateJets(
+            *derivatives, name, num_functions, function, points, jets, error);
+      };
+  MatrixXd g = MatrixXd::Zero(ConditionSize() / 2, points.cols());
+  MatrixXd d;
+  if ((boundary_values != nullptr &&
+       !evaluate("boundary value", boundary_values, &g)) ||
+      !evaluate("distance", distance, &d)) {
     return false;
   }
   conditions->resize(ConditionSize(), points.cols());
@@ -125,10 +120,8 @@ void EvaluateTrialFunction(const TrialFunction& trial,
   network.ForwardJets(weights, trial.derivatives, inputs, false, &pass);
   std::vector<InputJet> g(num_functions);
   std::vector<InputJet> d(num_functions);
-  if (trial.has_conditions()) {
-    trial.boundary_values(point, g.data());
-    trial.distance(point, d.data());
-  }
+  if (trial.boundary_values != nullptr) trial.boundary_values(point, g.data());
+  if (trial.has_conditions()) trial.distance(point, d.data());
   for (Index f = 0; f < num_functions; ++f) {
     u[f] = InputJet(&set, pass.outputs.row(f));
     if (trial.has_conditions()) u[f] = g[f] + d[f] * u[f];

@@ -87,7 +87,8 @@ void WarnOfSaturation(const Model& model,
   LOG(WARNING) << fmt::format(
       "{} of {} neurons of the first layer are saturated at the initial "
       "weights: the inputs are as large as {:.2g}. Inputs of about 1 train "
-      "better; InputScales (dense_network.h) standardizes them",
+      "better; InputScales (dense_network.h) standardizes them, ScaledFeatures "
+      "(trial_function.h) those of an Equation",
       num_saturated,
       first.size(),
       largest);
