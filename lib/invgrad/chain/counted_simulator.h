@@ -28,6 +28,7 @@ class CountedSimulator final : public Simulator {
   explicit CountedSimulator(std::shared_ptr<const Simulator> inner);
 
   long num_calls() const { return *num_calls_; }
+  const Simulator& inner() const { return *inner_; }
 
   int num_inputs() const override { return inner_->num_inputs(); }
   int num_outputs() const override { return inner_->num_outputs(); }

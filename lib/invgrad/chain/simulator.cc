@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "fmt/core.h"
+#include "invgrad/chain/counted_simulator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/scratch.h"
 #include "invgrad/jacobian_operator.h"
@@ -137,9 +138,17 @@ bool CheckHasHessian(const Simulator& simulator, std::string* error) {
 std::string SimulatorFailure(const Simulator& simulator,
                              const double* x,
                              const double* context) {
-  const std::string where = simulator.DescribeFailure(x, context);
-  return "the simulator has no finite value" +
-         (where.empty() ? "" : ": " + where);
+  const auto* counted = dynamic_cast<const CountedSimulator*>(&simulator);
+  // A message is no call of the method.
+  const Simulator& P = counted != nullptr ? counted->inner() : simulator;
+  Scratch<double> y(P.num_outputs());
+  const std::string what =
+      P.Evaluate(x, context, y.data(), nullptr)
+          ? "the simulator's value is finite, its derivative is not (an "
+            "infinite slope, such as that of sqrt at 0?)"
+          : "the simulator has no finite value";
+  const std::string where = P.DescribeFailure(x, context);
+  return what + (where.empty() ? "" : ": " + where);
 }
 
 }  // namespace invgrad

@@ -88,7 +88,9 @@ bool RuleEngine::Begin(const DataSet& batch,
   }
   const Eigen::VectorXd none;
   if (Undo(UndoReason::kNoLoss, none, weights)) return linearize();
-  *is_left_out = rule_->Needs().after && num_left_out_ < kMaxLeftOut;
+  const bool has_begun = ledger_.before().size() > 0;
+  *is_left_out =
+      rule_->Needs().after && has_begun && num_left_out_ < kMaxLeftOut;
   ++num_left_out_;
   return false;
 }
