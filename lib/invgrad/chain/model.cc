@@ -99,12 +99,13 @@ void CheckSizes(const Model& model,
   CHECK_EQ(weights.size(), model.num_weights());
   CHECK_GT(batch.num_samples(), 0) << "The batch is empty.";
   CHECK_EQ(batch.inputs.rows(), model.num_inputs())
-      << "DataSet::inputs has a row for each input of the network.";
+      << "DataSet::inputs needs a row for each input of the network.";
   CHECK_EQ(batch.contexts.rows(), model.simulator().num_context())
-      << "DataSet::contexts has a row for each of the simulator's num_context.";
+      << "DataSet::contexts needs a row for each of the simulator's "
+         "num_context.";
   if (batch.contexts.rows() > 0) {
     CHECK_EQ(batch.contexts.cols(), batch.num_samples())
-        << "DataSet::contexts has a column for each sample.";
+        << "DataSet::contexts needs a column for each sample.";
   }
 }
 
@@ -268,9 +269,9 @@ bool Model::CloseLoop(const VectorXd& weights,
 
 void Model::CheckTargets(const DataSet& batch) const {
   CHECK_EQ(batch.targets.rows(), loss_->size())
-      << "DataSet::targets has a row for each of the simulator's outputs.";
+      << "DataSet::targets needs a row for each of the simulator's outputs.";
   CHECK_EQ(batch.targets.cols(), batch.num_samples())
-      << "DataSet::targets has a column for each sample.";
+      << "DataSet::targets needs a column for each sample.";
 }
 
 bool Model::Cost(const VectorXd& weights,
