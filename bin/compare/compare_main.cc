@@ -38,7 +38,7 @@ const char* DefaultRules(const PhysicsProblem& problem) {
   return problem.least_squares.has_value()
              ? "ceres_lm,ceres_dogleg,ceres_lm+half_inverse,"
                "half_inverse:step_size=auto"
-             : "adam:step_size=1e-3:batch_size=256,half_inverse";
+             : "adaptive,adam:step_size=1e-3,half_inverse";
 }
 
 bool CheckProblem(CompareOptions* options,
@@ -101,7 +101,7 @@ int CompareMain(int argc, char** argv) {
       argv,
       "compares methods on one problem: same start, same data, same budget\n\n"
       "  compare --list\n  compare --problem=" +
-          Options().problem + " --rules=adam,half_inverse --epochs=20",
+          Options().problem + " --rules=adaptive,adam --epochs=20",
       Run);
 }
 

@@ -141,8 +141,8 @@ class Simulator {
 // WeightedHessian.
 bool CheckHasHessian(const Simulator& simulator, std::string* error);
 
-// The message for a failed call: "the simulator has no finite value", followed
-// by ": " and the place if known.
+// The message for a failed call: "the simulator has no finite value", or that
+// its derivative has none, followed by ": " and the place if known.
 std::string SimulatorFailure(const Simulator& simulator,
                              const double* x,
                              const double* context);

@@ -9,6 +9,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/internal/trajectory_simulator.h"
 #include "invgrad/minimize.h"
 #include "invgrad/model.h"
@@ -49,6 +50,15 @@ struct RootStep {
   bool operator()(const T* s, const T* u, T* next) const {
     using std::sqrt;
     next[0] = s[0] + sqrt(u[0]);
+    return true;
+  }
+};
+
+struct Root {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sqrt;
+    y[0] = sqrt(x[0]);
     return true;
   }
 };
@@ -219,6 +229,17 @@ TEST(DescribeFailure, IsEmptyByDefault) {
             "the simulator has no finite value");
 }
 
+TEST(DescribeFailure, TellsAValueFromADerivative) {
+  const AutoDiffSimulator<Root, 1, 1> root;
+  const std::string no_value = "the simulator has no finite value";
+  const std::string no_derivative =
+      "the simulator's value is finite, its derivative is not (an infinite "
+      "slope, such as that of sqrt at 0?)";
+  const double zero = 0.0;
+  EXPECT_EQ(SimulatorFailure(root, &zero, nullptr), no_derivative);
+  EXPECT_EQ(SimulatorFailure(root, &kNan, nullptr), no_value);
+}
+
 // What Train says in the end; weights 0 and bias 1, but for `slopes`.
 std::string TrainMessage(std::shared_ptr<const Simulator> simulator,
                          std::shared_ptr<const Feedback> feedback,
@@ -253,13 +274,14 @@ TEST(DescribeFailure, TrainingNamesSampleAndTimeStep) {
   data.inputs(0, 2) = -1.0;
   data.contexts = data.inputs;
   data.targets = Eigen::MatrixXd::Zero(1, 4);
+  const std::string diverged =
+      "diverged at step 1: sample 2: the simulator's value is finite, its "
+      "derivative is not (an infinite slope, such as that of sqrt at 0?): ";
   EXPECT_EQ(
       TrainMessage(simulator, nullptr, data, VectorXd::Unit(kNumSteps, 4)),
-      "diverged at step 1: sample 2: the simulator has no finite value: its "
-      "derivative is not finite at time step 5 of 6");
+      diverged + "its derivative is not finite at time step 5 of 6");
   EXPECT_EQ(TrainMessage(simulator, simulator, data, VectorXd::Ones(1)),
-            "diverged at step 1: sample 2: the simulator has no finite value: "
-            "its derivative is not finite at time step 1 of 6");
+            diverged + "its derivative is not finite at time step 1 of 6");
 }
 
 TEST(DescribeFailure, TrainingNamesThemAtTheInitialWeights) {

@@ -391,5 +391,24 @@ TEST(ModelDeathTest, RefusesPartsThatDoNotFit) {
                "simulator's outputs are the loss's argument");
 }
 
+TEST(ModelDeathTest, RefusesDataOfWrongSizes) {
+  testing::FLAGS_gtest_death_test_style = "threadsafe";
+  const Model model = PendulumModel(std::make_shared<SquaredNormLoss>(2, 0.5),
+                                    Reduction::kMean);
+  const VectorXd weights = VectorXd::Zero(model.num_weights());
+  const auto cost = [&](MatrixXd DataSet::*part, Eigen::Index rows, int cols) {
+    DataSet data = RandomData(4);
+    (data.*part).setZero(rows, cols);
+    double cost = 0.0;
+    std::string error;
+    model.Cost(weights, data, &cost, &error);
+  };
+  EXPECT_DEATH(cost(&DataSet::inputs, 1, 4), "input of the network");
+  EXPECT_DEATH(cost(&DataSet::contexts, 0, 4), "the simulator's num_context");
+  EXPECT_DEATH(cost(&DataSet::contexts, 2, 3), "column for each sample");
+  EXPECT_DEATH(cost(&DataSet::targets, 1, 4), "the simulator's outputs");
+  EXPECT_DEATH(cost(&DataSet::targets, 2, 3), "column for each sample");
+}
+
 }  // namespace model_test
 }  // namespace invgrad

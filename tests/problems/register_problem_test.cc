@@ -9,6 +9,7 @@
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/compare/compare.h"
 #include "invgrad/compare/equation_problem.h"
+#include "invgrad/compare/sample_data.h"
 
 namespace invgrad {
 namespace register_problem_test {
@@ -152,6 +153,27 @@ TEST(RegisterProblemDeathTest, NamesAreNewAndHaveNoSeparators) {
   for (const char* name : {"", "a b", "a:b", "a=b", "a,b", "a;b"}) {
     EXPECT_DEATH(add(name), "cannot be the name of a problem");
   }
+}
+
+// A wrong number would let a run refuse its own data.npy.
+TEST(MakeData, RefusesGeneratedDataOfAnotherShape) {
+  const auto generate = [](int num_rows) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::Zero(num_rows, 4));
+  };
+  LearningProblem problem;
+  std::string error;
+  EXPECT_TRUE(MakeData({8, 4, 8.0}, generate, &problem, &error)) << error;
+  LearningProblem other;
+  EXPECT_FALSE(MakeData({8, 3, 8.0}, generate, &other, &error));
+  EXPECT_EQ(error,
+            "the problem generates data of shape (16, 4), and its SampleSize "
+            "says (16, 3): 2 num_samples, num_columns");
+  const auto too_few = [](int num_rows) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::Zero(num_rows / 2, 4));
+  };
+  LearningProblem half;
+  EXPECT_FALSE(MakeData({8, 4, 8.0}, too_few, &half, &error));
+  EXPECT_NE(error.find("(8, 4)"), std::string::npos) << error;
 }
 
 }  // namespace register_problem_test

@@ -230,6 +230,20 @@ TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
                 {"--steps=3000000000", "2147483647"});
 }
 
+TEST_F(CompareProgram, BeginsWithAdaptiveWhereNoRulesAreGiven) {
+  for (const char* problem : {"toy_network", "squared_component"}) {
+    const Output output = Run({std::string("--problem=") + problem,
+                               "--steps=1",
+                               "--plots=false",
+                               "--output=" + Path(problem)});
+    EXPECT_EQ(output.exit_code, 0) << output.text;
+    const size_t adaptive = output.text.find("\nadaptive ");
+    const size_t adam = output.text.find("\nadam:");
+    EXPECT_NE(adam, std::string::npos) << output.text;
+    EXPECT_LT(adaptive, adam) << output.text;
+  }
+}
+
 TEST_F(CompareProgram, PointProblemsHaveATableToo) {
   const std::string rules =
       "--rules=gradient_descent:step_size=0.01,newton,"

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/train.h"
 #include "invgrad/update_rule.h"
 #include "tests/support/temporary_folder.h"
@@ -345,6 +346,49 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
     EXPECT_EQ(resumed.summary.num_undone, 1);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
   }
+}
+
+// y = x + sqrt((c x)^2): no derivative for c = 0.
+struct Kink {
+  template <typename T>
+  bool operator()(const T* x, const double* c, T* y) const {
+    using std::sqrt;
+    y[0] = x[0] + sqrt(c[0] * c[0] * x[0] * x[0]);
+    return true;
+  }
+};
+
+// The message at the end of two epochs of two batches, each of one sample.
+std::string MessageWithKinks(const std::string& method, double c0, double c1) {
+  DataSet data;
+  data.inputs = data.targets = Eigen::RowVector2d(1.0, 2.0);
+  data.contexts = Eigen::RowVector2d(c0, c1);
+  TrainOptions options = Epochs(2, 1);
+  options.initial_weights = Eigen::Vector2d(0.5, 0.25);
+  const TrainResult result =
+      Train(Model(DenseNetwork({1, 1}, Activation::kTanh),
+                  std::make_shared<AutoDiffSimulator<Kink, 1, 1, 1>>(),
+                  std::make_shared<SquaredNormLoss>(1, 1.0),
+                  Reduction::kMean),
+            data,
+            method,
+            options);
+  EXPECT_EQ(result.error, "");
+  return result.summary.message;
+}
+
+// A rule that has judged its steps leaves the batch out.
+TEST(Trainer, ABatchWithoutADerivativeEndsTheRunWithThisReason) {
+  const std::string message = MessageWithKinks("adam", 0.0, 1.0);
+  EXPECT_EQ(message.rfind("diverged at step 1: sample 0: the simulator's value "
+                          "is finite, its derivative is not",
+                          0),
+            0u)
+      << message;
+  EXPECT_EQ(MessageWithKinks("adam", 1.0, 0.0).rfind("diverged at step 2", 0),
+            0u);
+  EXPECT_EQ(MessageWithKinks("geodesic", 1.0, 0.0), "epochs done");
+  EXPECT_EQ(MessageWithKinks("geodesic", 0.0, 1.0), "epochs done");
 }
 
 }  // namespace train_undone_test

@@ -98,10 +98,14 @@ void CheckSizes(const Model& model,
                 const DataSet& batch) {
   CHECK_EQ(weights.size(), model.num_weights());
   CHECK_GT(batch.num_samples(), 0) << "The batch is empty.";
-  CHECK_EQ(batch.inputs.rows(), model.num_inputs());
-  CHECK_EQ(batch.contexts.rows(), model.simulator().num_context());
+  CHECK_EQ(batch.inputs.rows(), model.num_inputs())
+      << "DataSet::inputs needs a row for each input of the network.";
+  CHECK_EQ(batch.contexts.rows(), model.simulator().num_context())
+      << "DataSet::contexts needs a row for each of the simulator's "
+         "num_context.";
   if (batch.contexts.rows() > 0) {
-    CHECK_EQ(batch.contexts.cols(), batch.num_samples());
+    CHECK_EQ(batch.contexts.cols(), batch.num_samples())
+        << "DataSet::contexts needs a column for each sample.";
   }
 }
 
@@ -264,8 +268,10 @@ bool Model::CloseLoop(const VectorXd& weights,
 }
 
 void Model::CheckTargets(const DataSet& batch) const {
-  CHECK_EQ(batch.targets.rows(), loss_->size());
-  CHECK_EQ(batch.targets.cols(), batch.num_samples());
+  CHECK_EQ(batch.targets.rows(), loss_->size())
+      << "DataSet::targets needs a row for each of the simulator's outputs.";
+  CHECK_EQ(batch.targets.cols(), batch.num_samples())
+      << "DataSet::targets needs a column for each sample.";
 }
 
 bool Model::Cost(const VectorXd& weights,

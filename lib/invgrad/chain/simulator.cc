@@ -137,9 +137,14 @@ bool CheckHasHessian(const Simulator& simulator, std::string* error) {
 std::string SimulatorFailure(const Simulator& simulator,
                              const double* x,
                              const double* context) {
+  Scratch<double> y(simulator.num_outputs());
+  const std::string what =
+      simulator.Evaluate(x, context, y.data(), nullptr)
+          ? "the simulator's value is finite, its derivative is not (an "
+            "infinite slope, such as that of sqrt at 0?)"
+          : "the simulator has no finite value";
   const std::string where = simulator.DescribeFailure(x, context);
-  return "the simulator has no finite value" +
-         (where.empty() ? "" : ": " + where);
+  return what + (where.empty() ? "" : ": " + where);
 }
 
 }  // namespace invgrad

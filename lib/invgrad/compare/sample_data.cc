@@ -37,8 +37,17 @@ bool MakeData(const SampleSize& size,
     return false;
   }
   if (is_given) return CheckDataShape(data, size.num_columns, error);
-  data = generate(2 * size.num_samples);
-  return true;
+  const int num_rows = 2 * size.num_samples;
+  data = generate(num_rows);
+  if (data.rows() == num_rows && data.cols() == size.num_columns) return true;
+  *error = fmt::format(
+      "the problem generates data of shape ({}, {}), and its SampleSize says "
+      "({}, {}): 2 num_samples, num_columns",
+      data.rows(),
+      data.cols(),
+      num_rows,
+      size.num_columns);
+  return false;
 }
 
 bool CheckDataShape(const Eigen::MatrixXd& data,

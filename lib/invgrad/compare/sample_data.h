@@ -27,7 +27,8 @@ struct SampleSize {
 
 // Sets problem->data to generate(2 num_samples) if it is empty. Returns false,
 // with *error set, if the problem does not fit into memory (checked first), or
-// problem->data has another shape than CheckDataShape wants.
+// problem->data has another shape than CheckDataShape wants. What `generate`
+// returns must have the rows that it is asked for, and num_columns columns.
 bool MakeData(const SampleSize& size,
               const std::function<Eigen::MatrixXd(int num_rows)>& generate,
               LearningProblem* problem,
