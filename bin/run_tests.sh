@@ -2,8 +2,9 @@
 # Runs all tests: installs missing packages, those of optional components too,
 # builds, and runs ctest.
 #
-#   bin/run_tests.sh             all of them
-#   bin/run_tests.sh -R Npy      only those whose names match (ctest's options)
+#   bin/run_tests.sh               all of them
+#   bin/run_tests.sh -R spectral   only those whose names match (ctest's options)
+#   build/release/spectral_test --gtest_filter='Svd*'   single ones of a folder
 #
 # With CI=true in the environment, compiler warnings are errors.
 set -euo pipefail
