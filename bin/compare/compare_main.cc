@@ -7,6 +7,7 @@
 // prepare the directory, run the methods, report. Ctrl-C ends the current
 // method, skips the others, and keeps the results so far.
 
+#include <algorithm>
 #include <iostream>
 #include <string>
 #include <utility>
@@ -34,11 +35,26 @@ CompareOptions& Options() {
   return options;
 }
 
+// Whether a rule that decomposes the Jacobian of a batch takes a second a step
+// or more.
+bool HasLargeJacobian(const LearningProblem& problem) {
+  constexpr Eigen::Index kLarge = 4096;
+  const Eigen::Index batch_size =
+      problem.batch_size > 0 ? problem.batch_size : problem.train.num_samples();
+  const Eigen::Index rows =
+      batch_size * problem.model->simulator().num_outputs();
+  return std::min<Eigen::Index>(rows, problem.model->num_weights()) >= kLarge;
+}
+
 const char* DefaultRules(const PhysicsProblem& problem) {
-  return problem.least_squares.has_value()
-             ? "ceres_lm,ceres_dogleg,ceres_lm+half_inverse,"
-               "half_inverse:step_size=auto"
-             : "adaptive,adam:step_size=1e-3,half_inverse";
+  if (problem.least_squares) {
+    return "ceres_lm,ceres_dogleg,ceres_lm+half_inverse,"
+           "half_inverse:step_size=auto";
+  }
+  if (problem.learning && HasLargeJacobian(*problem.learning)) {
+    return "adam:step_size=1e-3,krylov";
+  }
+  return "adaptive,adam:step_size=1e-3,half_inverse";
 }
 
 bool CheckProblem(CompareOptions* options,

@@ -53,7 +53,7 @@ class DerivativeSet {
   // Values alone.
   static std::shared_ptr<const DerivativeSet> Values();
   // `variables`: a letter each.
-  DerivativeSet(std::string variables, std::vector<std::string> words);
+  DerivativeSet(std::string variables, const std::vector<std::string>& words);
 
   const std::string& variables() const { return variables_; }
   int num_variables() const { return static_cast<int>(variables_.size()); }

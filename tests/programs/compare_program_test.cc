@@ -242,6 +242,14 @@ TEST_F(CompareProgram, BeginsWithAdaptiveWhereNoRulesAreGiven) {
     EXPECT_NE(adam, std::string::npos) << output.text;
     EXPECT_LT(adaptive, adam) << output.text;
   }
+  // Of 16,384 residuals a step: no rule that decomposes the Jacobian.
+  const Output fields = Run({"--problem=poisson_inverse:num_samples=128",
+                             "--steps=1",
+                             "--plots=false",
+                             "--output=" + Path("fields")});
+  EXPECT_EQ(fields.exit_code, 0) << fields.text;
+  EXPECT_NE(fields.text.find("\nkrylov "), std::string::npos) << fields.text;
+  EXPECT_EQ(fields.text.find("adaptive"), std::string::npos) << fields.text;
 }
 
 TEST_F(CompareProgram, PointProblemsHaveATableToo) {

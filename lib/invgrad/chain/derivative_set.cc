@@ -39,7 +39,7 @@ std::vector<std::vector<int>> SubIndices(const std::vector<int>& alpha) {
 }  // namespace
 
 DerivativeSet::DerivativeSet(std::string variables,
-                             std::vector<std::string> words)
+                             const std::vector<std::string>& words)
     : variables_(std::move(variables)) {
   std::string sorted = variables_;
   std::sort(sorted.begin(), sorted.end());
