@@ -192,13 +192,17 @@ def update(page, folder, writes):
 
 def main():
     options = {word for word in sys.argv[1:] if word.startswith("--")}
-    folder, *names = [word for word in sys.argv[1:] if word not in options]
+    words = [word for word in sys.argv[1:] if word not in options]
+    if not words or not options <= {"--check", "--list"}:
+        sys.exit(__doc__)
+    folder, *names = words
     pages = [PAGES / name for name in names] or sorted(PAGES.glob("*.md"))
     if "--list" in options:
         for page in pages:
             for table in TABLE.finditer(page.read_text()):
-                words = sum(sum(parse(table[1], cells_of(table[2])), []), [])
-                for run in sorted({word for word in words if "runs/" in word}):
+                cells = sum(parse(table[1], cells_of(table[2])), [])
+                for run in sorted({word for word in sum(cells, [])
+                                   if "runs/" in word}):
                     print(page.name, run)
         return 0
     differ = [update(page, pathlib.Path(folder), "--check" not in options)
