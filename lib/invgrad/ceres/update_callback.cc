@@ -209,7 +209,9 @@ std::string UpdateCallback::Summary::BriefReport() const {
         num_limited_steps,
         num_steps);
   }
-  if (took_plain_result) report += "; the solve without proposals was better";
+  if (took_plain_result) {
+    report += "; the result is that of the solve without proposals";
+  }
   return report;
 }
 
