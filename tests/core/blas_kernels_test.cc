@@ -2,12 +2,13 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <string>
 #include <thread>
 
 #include "Eigen/Core"
-#include "glog/logging.h"
 #include "gtest/gtest.h"
 #include "invgrad/internal/blas.h"
+#include "tests/support/log_warnings.h"
 
 namespace invgrad {
 namespace blas_kernels_test {
@@ -34,29 +35,9 @@ TEST(BetterBlasKernels, AreNoneForUnknownKernels) {
   EXPECT_EQ(BetterBlasKernels(VectorUnits::kBelowAvx2, "armv8"), "");
 }
 
-class CountWarnings : public google::LogSink {
- public:
-  void send(google::LogSeverity severity,
-            const char* /*path*/,
-            const char* /*file*/,
-            int /*line*/,
-            const struct tm* /*time*/,
-            const char* message,
-            size_t length) override {
-    const std::string text(message, length);
-    if (severity == google::GLOG_WARNING &&
-        text.find("OPENBLAS_CORETYPE") != std::string::npos) {
-      ++count;
-    }
-  }
-
-  int count = 0;
-};
-
 // Two threads, two products each; then the number of warnings to stderr.
 void MultiplyAndCountWarnings() {
-  CountWarnings warnings;
-  google::AddLogSink(&warnings);
+  const LogWarnings warnings;
   const auto multiply = [] {
     const Eigen::MatrixXd A = Eigen::MatrixXd::Ones(3, 3);
     Eigen::MatrixXd C(3, 3);
@@ -67,8 +48,7 @@ void MultiplyAndCountWarnings() {
   std::thread second(multiply);
   first.join();
   second.join();
-  google::RemoveLogSink(&warnings);
-  std::cerr << "warnings: " << warnings.count << "\n";
+  std::cerr << "warnings: " << warnings.Count("OPENBLAS_CORETYPE") << "\n";
   std::exit(0);
 }
 
