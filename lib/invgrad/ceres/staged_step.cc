@@ -140,7 +140,7 @@ StagedStep::StagedStep(const ProblemStructure& structure,
 
 StagedStep::~StagedStep() {
   for (const Block& block : blocks_) {
-    if (IsOurs(block) && (block.manifold != nullptr || is_wrapped_)) {
+    if (problem_->GetManifold(block.values) == block.staging) {
       // GetManifold returns a pointer to const; SetManifold takes one to
       // non-const.
       problem_->SetManifold(block.values,
@@ -178,15 +178,12 @@ bool StagedStep::IsStaged() const {
          });
 }
 
-bool StagedStep::IsOurs(const Block& block) const {
-  const bool is_wrapped = block.manifold != nullptr || is_wrapped_;
-  return problem_->GetManifold(block.values) ==
-         (is_wrapped ? block.staging : nullptr);
-}
-
 void StagedStep::Wrap() {
   for (const Block& block : blocks_) {
-    CHECK(IsOurs(block) && !problem_->IsParameterBlockConstant(block.values))
+    const bool is_wrapped = block.manifold != nullptr || is_wrapped_;
+    CHECK(problem_->GetManifold(block.values) ==
+              (is_wrapped ? block.staging : nullptr) &&
+          !problem_->IsParameterBlockConstant(block.values))
         << "A manifold was set, or a parameter block was held constant, since "
            "the problem has an UpdateCallback. End the callback before, and "
            "make a new one for the next solve.";

@@ -75,9 +75,6 @@ class StagedStep {
 
   void SetWrapped(bool wrapped);
 
-  // Whether the block's manifold is the one that this object has set.
-  bool IsOurs(const Block& block) const;
-
   ceres::Problem* problem_;
   // Those that the problem does not own.
   std::vector<std::unique_ptr<StagingManifold>> owned_;
