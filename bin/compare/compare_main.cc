@@ -35,26 +35,27 @@ CompareOptions& Options() {
   return options;
 }
 
-// Whether a rule that decomposes the Jacobian of a batch takes a second a step
-// or more.
-bool HasLargeJacobian(const LearningProblem& problem) {
-  constexpr Eigen::Index kLarge = 4096;
-  const Eigen::Index batch_size =
-      problem.batch_size > 0 ? problem.batch_size : problem.train.num_samples();
-  const Eigen::Index rows =
-      batch_size * problem.model->simulator().num_outputs();
-  return std::min<Eigen::Index>(rows, problem.model->num_weights()) >= kLarge;
-}
-
 const char* DefaultRules(const PhysicsProblem& problem) {
   if (problem.least_squares) {
     return "ceres_lm,ceres_dogleg,ceres_lm+half_inverse,"
            "half_inverse:step_size=auto";
   }
-  if (problem.learning && HasLargeJacobian(*problem.learning)) {
-    return "adam:step_size=1e-3,krylov";
+  constexpr const char* kUsual = "adaptive,adam:step_size=1e-3,half_inverse";
+  if (!problem.learning) return kUsual;
+  const LearningProblem& learning = *problem.learning;
+  const Eigen::Index num_samples = learning.train.num_samples();
+  const Eigen::Index batch_size =
+      learning.batch_size > 0 ? learning.batch_size : num_samples;
+  const Eigen::Index rows =
+      batch_size * learning.model->simulator().num_outputs();
+  // A rule that factorizes a larger Jacobian takes seconds a step. `adaptive`
+  // begins with fewer samples, unless all are in each step.
+  constexpr Eigen::Index kLarge = 4096;
+  if (std::min<Eigen::Index>(rows, learning.model->num_weights()) < kLarge) {
+    return kUsual;
   }
-  return "adaptive,adam:step_size=1e-3,half_inverse";
+  return batch_size < num_samples ? "adaptive,adam:step_size=1e-3,krylov"
+                                  : "adam:step_size=1e-3,krylov";
 }
 
 bool CheckProblem(CompareOptions* options,

@@ -24,7 +24,8 @@
 // first; the last phase has the rest of the budget. A minimizer of Ceres can
 // only be the last phase. train.h says how phases follow each other in a run.
 // batch_size=auto, the default of rules with RuleRow::races_batch_size, begins
-// with the run's batch size and races it against others (train/batch_race.h).
+// with the run's batch size, or with fewer samples if these have many outputs,
+// and races it against others (train/batch_race.h).
 #ifndef INVGRAD_METHOD_H_
 #define INVGRAD_METHOD_H_
 

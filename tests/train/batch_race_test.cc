@@ -265,6 +265,28 @@ TEST(RacedTraining, AdaptiveRacesUnlessABatchSizeIsSet) {
   ExpectSameRun(raced, spelled);
 }
 
+// A Jacobian of 128 samples would have 8,192 rows.
+TEST(RacedTraining, BeginsWithNoMoreRowsThanAFewTenthsOfASecondAllow) {
+  const Model model(DenseNetwork({2, 32, 64}, Activation::kTanh),
+                    std::make_shared<IdentitySimulator>(64),
+                    std::make_shared<SquaredNormLoss>(64, 1.0),
+                    Reduction::kMean);
+  NumpyRandom random(5);
+  DataSet data;
+  data.inputs = random.Rand(2, 200);
+  data.contexts.resize(0, 200);
+  data.targets = random.Rand(64, 200);
+  TrainOptions options = Epochs(1000, 128);
+  options.max_num_steps = 1;
+  const auto sizes = [&](const std::string& method) {
+    return BatchSizes(Train(model, {data, data}, method, options));
+  };
+  EXPECT_EQ(sizes("adaptive"), std::set<double>{2048 / 64});
+  EXPECT_EQ(sizes("adaptive:batch_size=16"), std::set<double>{16});
+  EXPECT_EQ(sizes("geodesic"), std::set<double>{128});
+  EXPECT_EQ(sizes("adam:batch_size=auto"), std::set<double>{128});
+}
+
 // All samples in each step: nothing to race.
 TEST(RacedTraining, AllSamplesInEachStepAreTheRuleAlone) {
   const TrainResult raced =

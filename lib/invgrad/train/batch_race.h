@@ -20,6 +20,9 @@
 //                    only once, while its rate may be lower: this gain can wait
 //                    until the run stalls. Noise falls by no more than b / B, so
 //                    a larger gain is one of rate.
+//   B_0              the batch size of the run, or as many samples as have 2,048
+//                    outputs where a rule that factorizes J would have more rows
+//                    and more weights than that (engine.cc)
 //   smaller batches  never below B_0 samples, and only after the work has grown
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a

@@ -35,7 +35,11 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   ~CeresEngine() override { Stop(); }
 
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
-  int batch_size() const override { return train_.num_samples(); }
+  Counts counts() const override {
+    Counts counts;
+    counts.batch_size = train_.num_samples();
+    return counts;
+  }
   std::string Finish() override {
     Stop();
     return proposals_;

@@ -181,6 +181,22 @@ std::string WhyNoRace(const TrainingData& data, int batch_size) {
              : "";
 }
 
+// The batch size of a race's first steps, at least one sample a rank.
+int FirstBatchSize(const Model& model,
+                   const LinearizationParts& needs,
+                   bool is_proxy,
+                   int batch_size,
+                   int num_ranks) {
+  // A step with so many rows takes a few tenths of a second.
+  constexpr int kMostRows = 2048;
+  if (!needs.factorization || model.num_weights() <= kMostRows) {
+    return batch_size;
+  }
+  const int rows_of_sample =
+      is_proxy ? model.simulator().num_inputs() : model.loss().size();
+  return std::min(batch_size, std::max(num_ranks, kMostRows / rows_of_sample));
+}
+
 bool CheckCeres(const Phase& phase,
                 const UpdateRule* rule,
                 const Model& model,
@@ -251,7 +267,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return nullptr;
   }
   const int num_samples = data.train.num_samples();
-  const int batch_size = phase.BatchSize(options.batch_size, num_samples);
+  int batch_size = phase.BatchSize(options.batch_size, num_samples);
   if (data.source != nullptr && data.source->needs_whole_batches() &&
       batch_size != num_samples) {
     *error = fmt::format(
@@ -271,10 +287,17 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   const int num_ranks =
       options.communicator == nullptr ? 1 : options.communicator->size();
-  std::vector<MemoryPart> parts = StepParts(
-      model, data, rule->Needs(), objective->is_proxy(), batch_size, num_ranks);
-  const OutputLayerPlan output_layer = PlanOutputLayer(
-      phase, rule.get(), model, data, objective->is_proxy(), batch_size);
+  const bool is_proxy = objective->is_proxy();
+  const LinearizationParts needs = rule->Needs();
+  const std::string why_no_race = WhyNoRace(data, batch_size);
+  const bool is_raced = phase.races_batch_size && why_no_race.empty();
+  if (is_raced) {
+    batch_size = FirstBatchSize(model, needs, is_proxy, batch_size, num_ranks);
+  }
+  std::vector<MemoryPart> parts =
+      StepParts(model, data, needs, is_proxy, batch_size, num_ranks);
+  const OutputLayerPlan output_layer =
+      PlanOutputLayer(phase, rule.get(), model, data, is_proxy, batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
@@ -292,19 +315,17 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<ScheduledOutputLayer>(
         std::move(objective), output_layer.schedule, &model, &data);
   }
-  const bool is_proxy = objective->is_proxy();
-  const LinearizationParts needs = rule->Needs();
   auto engine = std::make_unique<RuleEngine>(batch_size,
                                              options,
                                              std::move(objective),
                                              std::move(rule),
                                              &model,
                                              &data);
-  if (!phase.races_batch_size) return engine;
-  const std::string why_not = WhyNoRace(data, batch_size);
-  if (!why_not.empty()) {
-    engine->set_remark(
-        fmt::format("batch size {}, not raced: {}", batch_size, why_not));
+  if (!is_raced) {
+    if (phase.races_batch_size) {
+      engine->set_remark(
+          fmt::format("batch size {}, not raced: {}", batch_size, why_no_race));
+    }
     return engine;
   }
   const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](

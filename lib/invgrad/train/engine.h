@@ -47,6 +47,10 @@ class Engine {
     long num_undone = 0;   // of these
     // How the samples were pulled back; null without a pull-back.
     const PullBackCounts* pull_backs = nullptr;
+    int batch_size = 0;  // of the next step
+    // The passes over the data, where batches differ in size; none:
+    // steps / steps_per_epoch().
+    std::optional<double> epochs;
   };
 
   // has_state: whether VisitState covers the whole state. If not, the run writes
@@ -84,13 +88,9 @@ class Engine {
     return weights;
   }
 
-  virtual Counts counts() const { return {}; }
-
-  // Of the next step.
-  virtual int batch_size() const = 0;
-  // The passes over the data in this phase, where batches differ in size; none:
-  // steps / steps_per_epoch().
-  virtual std::optional<double> epochs() const { return std::nullopt; }
+  virtual Counts counts() const = 0;
+  int batch_size() const { return counts().batch_size; }
+  std::optional<double> epochs() const { return counts().epochs; }
 
   virtual void VisitState(StateArchive* /*archive*/) {}
 

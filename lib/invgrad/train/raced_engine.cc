@@ -56,6 +56,13 @@ Engine::StepResult RacedEngine::Step(double progress,
   return result;
 }
 
+Engine::Counts RacedEngine::counts() const {
+  Counts counts = engine_->counts();
+  counts.batch_size = race_.batch_size();
+  counts.epochs = num_samples_ / data_.train.num_samples();
+  return counts;
+}
+
 void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
   lanes_.push_back(engine_->Save(*weights));
   if (has_failed) lanes_.back().weights.resize(0);

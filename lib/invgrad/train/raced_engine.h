@@ -10,7 +10,6 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,11 +42,7 @@ class RacedEngine final : public Engine {
   Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
     return engine_->Finished(race_.lane() == 0 ? weights : lanes_[0].weights);
   }
-  Counts counts() const override { return engine_->counts(); }
-  int batch_size() const override { return race_.batch_size(); }
-  std::optional<double> epochs() const override {
-    return num_samples_ / data_.train.num_samples();
-  }
+  Counts counts() const override;
   void VisitState(StateArchive* archive) override;
   std::string Finish() override {
     return "; " + race_.Report() + engine_->Finish();

@@ -113,7 +113,9 @@ bool RuleEngine::Undo(UndoReason reason,
 Engine::Counts RuleEngine::counts() const {
   return {step_ * objective_->updates_per_step(),
           ledger_.num_undone(),
-          objective_->mutable_counts()};
+          objective_->mutable_counts(),
+          batch_size_,
+          std::nullopt};
 }
 
 std::string RuleEngine::Finish() {

@@ -41,7 +41,6 @@ class RuleEngine final : public Engine {
     return objective_->Finished(weights);
   }
   Counts counts() const override;
-  int batch_size() const override { return batch_size_; }
   void VisitState(StateArchive* archive) override;
   std::string Finish() override;
 
