@@ -49,6 +49,39 @@ double EvaluateMetric(const LearningProblem& problem,
   return problem.metric->evaluate(x, data);
 }
 
+// What a run keeps of its evaluations.
+struct Evaluations {
+  bool tracks_neurons = false;
+  int tracked_sample = -1;
+  std::vector<std::vector<NeuronStatistics>> neurons;
+  std::vector<Eigen::VectorXd> sample_path;
+
+  void Add(const LearningProblem& problem, const Eigen::VectorXd& weights) {
+    if (tracks_neurons) {
+      neurons.push_back(ComputeNeuronStatistics(
+          problem.model->network(), weights, problem.train));
+    }
+    if (tracked_sample < 0) return;
+    Eigen::MatrixXd y;
+    std::string ignored;
+    if (!problem.model->Predict(
+            weights, problem.train.Range(tracked_sample, 1), &y, &ignored)) {
+      y.setConstant(HistoryRow::kNone);
+    }
+    sample_path.emplace_back(y.col(0));
+  }
+
+  // Neurons and y of evaluations before a checkpoint, in another process, are
+  // unknown.
+  void MoveTo(LearningRunResult* result) {
+    const size_t num_evaluations = result->history.size();
+    if (neurons.size() == num_evaluations) result->neurons = std::move(neurons);
+    if (sample_path.size() == num_evaluations) {
+      result->sample_path = std::move(sample_path);
+    }
+  }
+};
+
 }  // namespace
 
 bool CreateLearningProblem(const std::string& specification,
@@ -170,10 +203,9 @@ bool RunLearning(const LearningProblem& problem,
     return false;
   }
   const Network& network = problem.model->network();
-  std::vector<std::vector<NeuronStatistics>> neurons;
-  std::vector<Eigen::VectorXd> sample_path;
-  const bool tracks_neurons = NumHiddenNeurons(network) <= kMaxTrackedNeurons;
-  const int tracked = options.tracked_sample;
+  Evaluations evaluations;
+  evaluations.tracks_neurons = NumHiddenNeurons(network) <= kMaxTrackedNeurons;
+  evaluations.tracked_sample = options.tracked_sample;
 
   TrainOptions train_options = options.train;
   train_options.inverse = problem.inverse;
@@ -185,19 +217,7 @@ bool RunLearning(const LearningProblem& problem,
   }
   train_options.on_evaluation = [&](const Eigen::VectorXd& weights,
                                     const History& /*history*/) {
-    if (tracks_neurons) {
-      neurons.push_back(
-          ComputeNeuronStatistics(network, weights, problem.train));
-    }
-    if (tracked >= 0) {
-      Eigen::MatrixXd y;
-      std::string ignored;
-      if (!problem.model->Predict(
-              weights, problem.train.Range(tracked, 1), &y, &ignored)) {
-        y.setConstant(HistoryRow::kNone);
-      }
-      sample_path.emplace_back(y.col(0));
-    }
+    evaluations.Add(problem, weights);
   };
   TrainingRun run(*problem.model,
                   {problem.train, problem.test, problem.source},
@@ -223,13 +243,7 @@ bool RunLearning(const LearningProblem& problem,
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
-  // Neurons and y of evaluations before a checkpoint, in another process, are
-  // unknown.
-  const size_t num_evaluations = result->history.size();
-  if (neurons.size() == num_evaluations) result->neurons = std::move(neurons);
-  if (sample_path.size() == num_evaluations) {
-    result->sample_path = std::move(sample_path);
-  }
+  evaluations.MoveTo(result);
   if (!agree(!writes || WriteRunFiles(options.directory,
                                       network,
                                       *result,

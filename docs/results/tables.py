@@ -16,7 +16,8 @@ thing the last counts. Without "rows" the word of a row is its label up to " (".
 rows and columns with the word "-", stay as they are, as does a table whose runs
 are not in FOLDER.
 
-    runs/NAME              summary.csv of compare or sweep.csv of sweep there
+    runs/NAME              summary.csv of compare or sweep.csv of sweep there;
+                           NAME may have a "*"
     adam, adam:*, !adam*   a method; the best that matches, or does not match
     name=value             a column of sweep.csv and its value
     train_loss, metric, steps, ms_per_step, ...   what is shown; else test_loss
@@ -24,6 +25,9 @@ are not in FOLDER.
     range, median_range    of the seeds; else the median. A failed run is worst.
     .4                     digits; else 2
     ratio                  the row's first loss over the lowest of its others
+    overtakes              the seconds after which the method, a name without
+                           options, is below the row's last loss: the median of
+                           the seeds (history.csv)
     bold=row, bold=column  the lowest losses of the table are bold
 """
 
@@ -73,14 +77,36 @@ def from_table(file, method, title):
     return row[rows[0].index(title)].replace("e-0", "e-")
 
 
-def fill(folder, words):
-    """The text of a cell, and its loss (or None)."""
+def find(folder, words):
+    """The files of a cell's runs; each once, though later blocks link to it."""
     name = [word for word in words if word.startswith("runs/")][-1]
-    files = [*folder.glob(f"*/{name}/summary.csv"),
-             *folder.glob(f"*/{name}/sweep.csv")]
+    files = sorted({file.resolve() for table in ("summary.csv", "sweep.csv")
+                    for file in folder.glob(f"*/{name}/{table}")})
     if not files:
         raise FileNotFoundError(name)
-    runs = read(files[0])
+    return files
+
+
+def overtakes(folder, words, loss):
+    column = [word for word in words if word in LOSSES] or ["test_loss"]
+    method = [word for word in words
+              if word not in (*LOSSES, "overtakes") and "/" not in word][-1]
+    seconds = []
+    for history in find(folder, words)[0].parent.glob(
+            f"{method}-seed*/history.csv"):
+        with open(history, newline="") as lines:
+            seconds.append(next((float(row["seconds"])
+                                 for row in csv.DictReader(lines)
+                                 if float(row[column[-1]]) < loss), math.inf))
+    seconds.sort()
+    middle = seconds[(len(seconds) - 1) // 2]
+    return number(middle, 2) if middle < math.inf else "never"
+
+
+def fill(folder, words):
+    """The text of a cell, and its loss (or None)."""
+    runs = [dict(run, file=file)
+            for file in find(folder, words) for run in read(file)]
     names = set(runs[0])
     column, kind, digits, pattern, title = "test_loss", "", 2, "*", ""
     for word in words:
@@ -101,9 +127,9 @@ def fill(folder, words):
     for run in runs:
         if (fnmatch.fnmatchcase(run["method"], pattern.lstrip("!"))
                 != pattern.startswith("!")):
-            methods.setdefault(run["method"], []).append(run)
+            methods.setdefault((run["file"], run["method"]), []).append(run)
     if not methods:
-        raise LookupError(f"no run for {' '.join(words)} in {files[0]}")
+        raise LookupError(f"no run for {' '.join(words)}")
     loss = column if column in LOSSES else "train_loss"
     for seeds in methods.values():
         seeds.sort(key=lambda run: run[loss])
@@ -112,7 +138,7 @@ def fill(folder, words):
                         for seeds in methods.values()),
                        key=lambda pair: pair[1][loss])
     if title:
-        return from_table(files[0].parent / "table.md", middle["method"],
+        return from_table(middle["file"].parent / "table.md", middle["method"],
                           title), None
     text = number(middle[column], digits)
     values = [run[column] for run in best if run[loss] < math.inf]
@@ -153,9 +179,12 @@ def rebuild(folder, spec, table):
         for j, words in enumerate(words_of_row, start=1):
             if not words:
                 continue
+            of_row = [losses[at] for at in losses if at[0] == i]
             if "ratio" in words:
-                first, *others = [losses[at] for at in losses if at[0] == i]
-                cells[i][j] = number(first / min(others), 2)
+                cells[i][j] = number(of_row[0] / min(of_row[1:]), 2)
+                continue
+            if "overtakes" in words:
+                cells[i][j] = overtakes(folder, words, of_row[-1])
                 continue
             cells[i][j], loss = fill(folder, words)
             if loss is not None:

@@ -99,7 +99,13 @@ VelocityGrid::VelocityGrid(int rows, int cols, Place place, Box box)
   for (int c = 0; c < 2; ++c) {
     to_component_[c] = to_component[c].Build(2 * components_[c].size(), size());
   }
+  FillInverseLaplace(has_faces);
+}
 
+void VelocityGrid::FillInverseLaplace(bool has_faces) {
+  const bool is_closed = box_ == Box::kClosed;
+  const int rows = cells_.rows;
+  const int cols = cells_.cols;
   // -|wave number|^2 of D G along an axis of n cells.
   const auto symbol = [&](int mode, int count) {
     if (is_closed)

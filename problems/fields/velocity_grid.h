@@ -69,6 +69,7 @@ class VelocityGrid {
 
  private:
   int Face(int c, int i, int j) const;
+  void FillInverseLaplace(bool has_faces);
 
   Box box_;
   Lattice cells_;

@@ -32,6 +32,43 @@ bool LinearizationError(const Simulator& simulator,
                             : SimulatorError(simulator, x, batch, s, error);
 }
 
+// dL/dx and d2L_s/dx2 = J_s^T H_L J_s + sum_i g_i d2y_i/dx2 of each sample, with
+// the transposed Jacobians side by side.
+bool HessiansInX(const Simulator& simulator,
+                 BatchLoss* loss,
+                 const DataSet& batch,
+                 const Eigen::Map<const MatrixXd>& x,
+                 const MatrixXd& jacobians,
+                 int num_threads,
+                 MatrixXd* x_bar,
+                 std::vector<MatrixXd>* x_hessians,
+                 std::string* error) {
+  const int batch_size = batch.num_samples();
+  const Eigen::Index num_x = simulator.num_inputs();
+  const Eigen::Index num_y = loss->gradients().rows();
+  x_bar->resize(num_x, batch_size);
+  x_hessians->resize(batch_size);
+  const auto add_hessians = [&](int begin, int end) {
+    for (int s = begin; s < end; ++s) {
+      const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
+      x_bar->col(s).noalias() = J_transposed * loss->gradients().col(s);
+      MatrixXd& hessian = (*x_hessians)[s];
+      hessian.resize(num_x, num_x);
+      if (!simulator.WeightedHessian(x.col(s).data(),
+                                     batch.Context(s).data(),
+                                     loss->gradients().col(s).data(),
+                                     hessian.data())) {
+        return s;
+      }
+      hessian.noalias() +=
+          J_transposed * loss->Hessian(s) * J_transposed.transpose();
+    }
+    return end;
+  };
+  const int s = ForShares(batch_size, num_threads, add_hessians);
+  return s == batch_size || SimulatorError(simulator, x, batch, s, error);
+}
+
 }  // namespace
 
 bool Model::CanLinearize(const LinearizationParts& parts,
@@ -205,21 +242,15 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                       std::string* error) const {
   CheckTargets(batch);
   const int batch_size = batch.num_samples();
-  const Eigen::Index num_x = simulator_->num_inputs();
   const Eigen::Index num_y = loss_->size();
-
+  const Network::Derivatives derivatives = parts.hessian
+                                               ? Network::Derivatives::kSecond
+                                               : Network::Derivatives::kFirst;
   DenseNetwork::Activations activations;
-  if (!Forward(weights,
-               batch,
-               parts.hessian ? Network::Derivatives::kSecond
-                             : Network::Derivatives::kFirst,
-               &activations,
-               error)) {
-    return false;
-  }
+  if (!Forward(weights, batch, derivatives, &activations, error)) return false;
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   MatrixXd y(num_y, batch_size);
-  MatrixXd jacobians(num_x, num_y * batch_size);
+  MatrixXd jacobians(simulator_->num_inputs(), num_y * batch_size);
   BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), parts.hessian);
   const auto evaluate = [&](int begin, int end) {
     // A row-major Jacobian is a block of columns.
@@ -243,28 +274,18 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   if (!CheckCost(linearization->cost, error)) return false;
 
   if (parts.hessian) {
-    // d2L_s/dx2 = J_s^T H_L J_s + sum_i g_i d2y_i/dx2.
-    MatrixXd x_bar(num_x, batch_size);
-    std::vector<MatrixXd> x_hessians(batch_size);
-    const auto add_hessians = [&](int begin, int end) {
-      for (int s = begin; s < end; ++s) {
-        const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
-        x_bar.col(s).noalias() = J_transposed * loss.gradients().col(s);
-        x_hessians[s].resize(num_x, num_x);
-        if (!simulator_->WeightedHessian(x.col(s).data(),
-                                         batch.Context(s).data(),
-                                         loss.gradients().col(s).data(),
-                                         x_hessians[s].data())) {
-          return s;
-        }
-        x_hessians[s].noalias() +=
-            J_transposed * loss.Hessian(s) * J_transposed.transpose();
-      }
-      return end;
-    };
-    const int s = ForShares(batch_size, num_threads_, add_hessians);
-    if (s < batch_size) {
-      return SimulatorError(*simulator_, x, batch, s, error);
+    MatrixXd x_bar;
+    std::vector<MatrixXd> x_hessians;
+    if (!HessiansInX(*simulator_,
+                     &loss,
+                     batch,
+                     x,
+                     jacobians,
+                     num_threads_,
+                     &x_bar,
+                     &x_hessians,
+                     error)) {
+      return false;
     }
     x_bar.resize(network_->num_outputs(), activations.num_columns());
     dense_network_->Hessian(

@@ -160,6 +160,45 @@ void LayerJacobian::Gram(MatrixXd* JJt) const {
   GramOfLayers({*this}, ColumnStrips(rows(), nullptr), JJt);
 }
 
+namespace {
+
+// The Gram matrix of layers that a sample calls several times.
+void GramOfCalls(const std::vector<LayerJacobian>& layers,
+                 const ColumnStrips& strips,
+                 MatrixXd* JJt) {
+  const Index rows = JJt->rows();
+  for (std::size_t l = 0; l < layers.size(); ++l) {
+    CHECK_EQ(layers[l].rows(), rows);
+    CHECK_EQ(layers[l].num_calls(), layers[0].num_calls());
+    const double beta = l == 0 ? 0.0 : 1.0;
+    const MatrixXd Jt = layers[l].Transposed();
+    if (strips.num_ranks() == 1) {
+      Syrk(Op::kTranspose, 1.0, Jt, beta, *JJt);
+      continue;
+    }
+    strips.ForOwn([&](Index first, Index count) {
+      Gemm(Op::kTranspose,
+           Op::kNone,
+           1.0,
+           Jt.rightCols(rows - first),
+           Jt.middleCols(first, count),
+           beta,
+           JJt->block(first, strips.Local(first), rows - first, count));
+    });
+  }
+}
+
+// B x B: a_s . a_t, both triangles, because tiles on the diagonal read both.
+MatrixXd GramOfInputs(const LayerJacobian& layer) {
+  const Index batch_size = layer.inputs().cols();
+  MatrixXd gram(batch_size, batch_size);
+  Syrk(Op::kTranspose, 1.0, layer.inputs(), 0.0, gram);
+  gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
+  return gram;
+}
+
+}  // namespace
+
 void GramOfLayers(const std::vector<LayerJacobian>& layers,
                   const ColumnStrips& strips,
                   MatrixXd* JJt) {
@@ -169,38 +208,14 @@ void GramOfLayers(const std::vector<LayerJacobian>& layers,
   const Index batch_size = layers[0].inputs().cols();
   CHECK_EQ(strips.size(), rows);
   JJt->resize(rows, strips.num_local());
-  if (layers[0].num_calls() > 1) {
-    for (std::size_t l = 0; l < layers.size(); ++l) {
-      CHECK_EQ(layers[l].rows(), rows);
-      CHECK_EQ(layers[l].num_calls(), layers[0].num_calls());
-      const double beta = l == 0 ? 0.0 : 1.0;
-      const MatrixXd Jt = layers[l].Transposed();
-      if (strips.num_ranks() == 1) {
-        Syrk(Op::kTranspose, 1.0, Jt, beta, *JJt);
-        continue;
-      }
-      strips.ForOwn([&](Index first, Index count) {
-        Gemm(Op::kTranspose,
-             Op::kNone,
-             1.0,
-             Jt.rightCols(rows - first),
-             Jt.middleCols(first, count),
-             beta,
-             JJt->block(first, strips.Local(first), rows - first, count));
-      });
-    }
-    return;
-  }
+  if (layers[0].num_calls() > 1) return GramOfCalls(layers, strips, JJt);
 
-  // B x B: a_s . a_t, both triangles, because tiles on the diagonal read both.
   std::vector<MatrixXd> input_grams;
   for (const LayerJacobian& layer : layers) {
     CHECK_EQ(layer.rows(), rows);
     CHECK_EQ(layer.outputs_per_sample(), r);
     CHECK_EQ(layer.num_calls(), 1);
-    MatrixXd& gram = input_grams.emplace_back(batch_size, batch_size);
-    Syrk(Op::kTranspose, 1.0, layer.inputs(), 0.0, gram);
-    gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
+    input_grams.push_back(GramOfInputs(layer));
   }
 
   // Tiles of whole samples, small enough that a layer's products stay in the

@@ -68,16 +68,12 @@ class LayerJacobian final : public JacobianOperator {
 
   // ToDense into the columns of a larger matrix.
   void WriteTo(Eigen::Ref<Eigen::MatrixXd> J) const;
-
- private:
-  friend void GramOfLayers(const std::vector<LayerJacobian>& layers,
-                           const ColumnStrips& strips,
-                           Eigen::MatrixXd* JJt);
-
-  // A row's deltas in one column: fan_out T x m.
-  Eigen::Map<const Eigen::MatrixXd> DeltasOfRows() const;
   // J^T: n x m.
   Eigen::MatrixXd Transposed() const;
+
+ private:
+  // A row's deltas in one column: fan_out T x m.
+  Eigen::Map<const Eigen::MatrixXd> DeltasOfRows() const;
 
   const Eigen::MatrixXd* inputs_;
   const Eigen::MatrixXd* deltas_;

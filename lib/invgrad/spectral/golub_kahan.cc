@@ -241,6 +241,29 @@ class Bidiagonalization {
   bool is_exhausted_ = false;
 };
 
+// The projected step by R_k, and its relative difference to that by a slightly
+// smaller one. False, with a message, if an SVD does not converge.
+bool StepOfR(const Bidiagonal& R,
+             const SpectralFilter& filter,
+             double s_max,
+             VectorXd* y,
+             VectorXd* z,
+             double* difference,
+             std::string* error) {
+  const Index k = R.size();
+  const Index before = k - std::max<Index>(1, k / 32);
+  VectorXd y_before;
+  if ((before > 0 && !ProjectedStep(R, before, filter, s_max, &y_before, z)) ||
+      !ProjectedStep(R, k, filter, s_max, y, z)) {
+    *error = "the SVD of R_k (dbdsdc) did not converge";
+    return false;
+  }
+  VectorXd change = *y;
+  change.head(before) -= y_before;
+  *difference = change.stableNorm() / y->stableNorm();
+  return true;
+}
+
 }  // namespace
 
 bool GolubKahanStep(const JacobianOperator& J,
@@ -282,7 +305,6 @@ bool GolubKahanStep(const JacobianOperator& J,
   RitzValues ritz;
   VectorXd y;
   VectorXd z;
-  VectorXd y_before;
   Index next_check = 1;
   for (bool ends = false; !ends;) {
     if (!bidiagonalization.Advance(error)) return false;
@@ -299,18 +321,11 @@ bool GolubKahanStep(const JacobianOperator& J,
     SummarizeSpectrum(ritz, filter, summary);
     summary->estimated_error = RitzStepError(ritz, filter, exhausted);
     if (!ends && summary->estimated_error > options.tolerance) continue;
-    const Index before = k - std::max<Index>(1, k / 32);
-    if ((before > 0 &&
-         !ProjectedStep(R, before, filter, summary->s_max, &y_before, &z)) ||
-        !ProjectedStep(R, k, filter, summary->s_max, &y, &z)) {
-      *error = "the SVD of R_k (dbdsdc) did not converge";
+    double difference = 0.0;
+    if (!StepOfR(R, filter, summary->s_max, &y, &z, &difference, error)) {
       return false;
     }
-    if (!exhausted) {
-      VectorXd difference = y;
-      difference.head(before) -= y_before;
-      summary->estimated_error += difference.stableNorm() / y.stableNorm();
-    }
+    if (!exhausted) summary->estimated_error += difference;
     summary->converged = summary->estimated_error <= options.tolerance;
     ends = ends || summary->converged;
   }

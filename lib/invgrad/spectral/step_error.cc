@@ -102,7 +102,7 @@ double BackwardError(Index size) {
   return 10.0 * kEpsilon / std::sqrt(static_cast<double>(size));
 }
 
-double RoundingError() { return 64.0 * kEpsilon; }
+double RoundingError() { return 128.0 * kEpsilon; }
 
 double SvdStepError(const SpectralFilter& filter,
                     const VectorXd& s,

@@ -31,7 +31,7 @@ namespace invgrad {
 // 0.65 times the resulting estimate.
 double BackwardError(Eigen::Index size);
 
-// The minimal error of a step: a few roundings.
+// The minimal error of a step: a few roundings (74 epsilon were seen).
 double RoundingError();
 
 // After an SVD. s: descending, not all zero; s_max: the s_max of phi, >= s[0];

@@ -197,6 +197,57 @@ int FirstBatchSize(const Model& model,
   return std::min(batch_size, std::max(num_ranks, kMostRows / rows_of_sample));
 }
 
+// What the rule lowers; null, with a message, if the rule cannot.
+std::unique_ptr<BatchObjective> MakeRuleObjective(const Phase& phase,
+                                                  UpdateRule* rule,
+                                                  const Model& model,
+                                                  const TrainingData& data,
+                                                  const TrainOptions& options,
+                                                  std::string* error) {
+  std::unique_ptr<BatchObjective> objective =
+      MakePhaseObjective(phase,
+                         rule->judge() != nullptr,
+                         model,
+                         data.train,
+                         options.inverse,
+                         options.communicator.get(),
+                         error);
+  if (objective == nullptr) return nullptr;
+  if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
+    return nullptr;
+  }
+  if (phase.solves_output_layer() &&
+      !CanSolveOutputLayer(phase, model, options, error)) {
+    return nullptr;
+  }
+  return objective;
+}
+
+bool CheckBatchSize(const TrainingData& data,
+                    int batch_size,
+                    std::string* error) {
+  const int num_samples = data.train.num_samples();
+  if (data.source != nullptr && data.source->needs_whole_batches() &&
+      batch_size != num_samples) {
+    *error = fmt::format(
+        "batch_size={} is not allowed with {}: take 0, all {} samples",
+        batch_size,
+        data.source->Name(),
+        num_samples);
+    return false;
+  }
+  if (batch_size > num_samples) {
+    *error = fmt::format(
+        "batch_size={} is out of range; allowed: 1 to the {} training samples, "
+        "or 0 for all",
+        batch_size,
+        num_samples);
+    return false;
+  }
+  return true;
+}
+
+// The engine of a minimizer of Ceres.
 bool CheckCeres(const Phase& phase,
                 const UpdateRule* rule,
                 const Model& model,
@@ -251,40 +302,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return MakeCeresEngine(phase, &model, &data.train, options.inverse);
   }
   std::unique_ptr<BatchObjective> objective =
-      MakePhaseObjective(phase,
-                         rule->judge() != nullptr,
-                         model,
-                         data.train,
-                         options.inverse,
-                         options.communicator.get(),
-                         error);
+      MakeRuleObjective(phase, rule.get(), model, data, options, error);
   if (objective == nullptr) return nullptr;
-  if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
-    return nullptr;
-  }
-  if (phase.solves_output_layer() &&
-      !CanSolveOutputLayer(phase, model, options, error)) {
-    return nullptr;
-  }
-  const int num_samples = data.train.num_samples();
-  int batch_size = phase.BatchSize(options.batch_size, num_samples);
-  if (data.source != nullptr && data.source->needs_whole_batches() &&
-      batch_size != num_samples) {
-    *error = fmt::format(
-        "batch_size={} is not allowed with {}: take 0, all {} samples",
-        batch_size,
-        data.source->Name(),
-        num_samples);
-    return nullptr;
-  }
-  if (batch_size > num_samples) {
-    *error = fmt::format(
-        "batch_size={} is out of range; allowed: 1 to the {} training samples, "
-        "or 0 for all",
-        batch_size,
-        num_samples);
-    return nullptr;
-  }
+  int batch_size =
+      phase.BatchSize(options.batch_size, data.train.num_samples());
+  if (!CheckBatchSize(data, batch_size, error)) return nullptr;
   const int num_ranks =
       options.communicator == nullptr ? 1 : options.communicator->size();
   const bool is_proxy = objective->is_proxy();

@@ -98,7 +98,6 @@ void BandReduction::Compute(const ColumnStrips& strips,
                             VectorXd* tau) {
   CHECK_EQ(K->rows(), strips.size());
   CHECK_EQ(K->cols(), strips.num_local());
-  const Communicator* const communicator = strips.communicator();
   const Index m = K->rows();
   constexpr Index b = kBandwidth;
   tau->resize(std::max<Index>(0, m - b));
@@ -116,93 +115,107 @@ void BandReduction::Compute(const ColumnStrips& strips,
     const Index begin = k + b;  // of the rows that the panel clears
     const bool last = begin >= m;
     const Index cols = last ? m - k : b;
-    const bool is_owner = strips.Owns(k);
-    const Index k_local = strips.Local(k);
-    if (pending && is_owner) {
+    if (pending && strips.Owns(k)) {
       Gemm(Op::kNone,
            Op::kTranspose,
            -1.0,
            VW_.bottomRows(m - k),
            WV_.middleRows(k, cols),
            1.0,
-           K->block(k, k_local, m - k, cols));
+           K->block(k, strips.Local(k), m - k, cols));
     }
     if (last) break;
 
-    const Index n = m - begin;
-    const Index width = std::min(n, b);  // the number of reflectors
-    auto V = next_VW_.block(begin, 0, n, width);
-    auto X = next_VW_.block(begin, b, n, width);
-    next_VW_.bottomRows(n).setZero();
-    if (is_owner) {
-      auto panel = K->block(begin, k_local, n, width);
-      LAPACKE_dgeqrt3_work(LAPACK_COL_MAJOR,
-                           static_cast<int>(n),
-                           static_cast<int>(width),
-                           panel.data(),
-                           static_cast<int>(m),
-                           T_.data(),
-                           static_cast<int>(b));
-      T_.triangularView<Eigen::StrictlyLower>().setZero();
-      tau->segment(k, width) = T_.diagonal().head(width);
-
-      // If the panel is wider than high: the columns right of the square.
-      for (Index j = k_local + width; j < k_local + b; ++j) {
-        for (Index r = 0; r < width; ++r) {
-          ApplyReflector(static_cast<int>(n - r),
-                         &(*K)(begin + r, k_local + r),
-                         (*tau)[k + r],
-                         &(*K)(begin + r, j));
-        }
-      }
-      V = panel.triangularView<Eigen::UnitLower>();
-    }
-    if (communicator != nullptr) {
-      VT_.resize(n + b, width);
-      VT_.topRows(n) = V;
-      VT_.bottomRows(b) = T_.leftCols(width);
-      communicator->Broadcast(strips.Owner(k), VT_.data(), VT_.size());
-      V = VT_.topRows(n);
-      T_.leftCols(width) = VT_.bottomRows(b);
-    }
-
+    FactorizePanel(strips, k, K, tau);
     SweepTriangle(strips, pending ? &VW_ : nullptr, WV_, begin, K, &next_VW_);
-
-    // Each rank computes its share of the rows of W.
-    Share rows{0, static_cast<int>(n)};
-    std::vector<std::ptrdiff_t> sizes;
-    if (communicator != nullptr) {
-      rows = communicator->OwnShare(static_cast<int>(n));
-      sizes = communicator->SharedSizes(static_cast<int>(n), width);
-      all_rows_ = X.transpose();
-      own_rows_.resize(width, rows.count);
-      communicator->SumParts(all_rows_.data(), sizes, own_rows_.data());
-      X.middleRows(rows.first, rows.count) = own_rows_.transpose();
-    }
-    auto T = T_.topLeftCorner(width, width);
-    auto S = S_.topLeftCorner(width, width);
-    auto TS = TS_.topLeftCorner(width, width);
-    WV_.bottomRows(n).setZero();
-    auto W = WV_.block(begin, 0, n, width);
-    auto own_V = V.middleRows(rows.first, rows.count);
-    auto own_X = X.middleRows(rows.first, rows.count);
-    auto own_W = W.middleRows(rows.first, rows.count);
-    S_.setZero();
-    Gemm(Op::kTranspose, Op::kNone, 1.0, own_V, own_X, 0.0, S);
-    if (communicator != nullptr) communicator->Sum(S_.data(), S_.size());
-    Gemm(Op::kTranspose, Op::kNone, 1.0, T, S, 0.0, TS);
-    Gemm(Op::kNone, Op::kNone, -0.5, own_V, TS, 1.0, own_X);
-    Gemm(Op::kNone, Op::kNone, 1.0, own_X, T, 0.0, own_W);
-    if (communicator != nullptr) {
-      own_rows_ = own_W.transpose();
-      communicator->Gather(own_rows_.data(), sizes, all_rows_.data());
-      W = all_rows_.transpose();
-    }
-    X = W;
-    WV_.block(begin, b, n, width) = V;
+    ComputeW(strips.communicator(), begin);
     VW_.swap(next_VW_);
     pending = true;
   }
+}
+
+void BandReduction::FactorizePanel(const ColumnStrips& strips,
+                                   Index k,
+                                   MatrixXd* K,
+                                   VectorXd* tau) {
+  constexpr Index b = kBandwidth;
+  const Index m = K->rows();
+  const Index begin = k + b;
+  const Index n = m - begin;
+  const Index width = std::min(n, b);  // the number of reflectors
+  auto V = next_VW_.block(begin, 0, n, width);
+  next_VW_.bottomRows(n).setZero();
+  if (strips.Owns(k)) {
+    const Index k_local = strips.Local(k);
+    auto panel = K->block(begin, k_local, n, width);
+    LAPACKE_dgeqrt3_work(LAPACK_COL_MAJOR,
+                         static_cast<int>(n),
+                         static_cast<int>(width),
+                         panel.data(),
+                         static_cast<int>(m),
+                         T_.data(),
+                         static_cast<int>(b));
+    T_.triangularView<Eigen::StrictlyLower>().setZero();
+    tau->segment(k, width) = T_.diagonal().head(width);
+
+    // If the panel is wider than high: the columns right of the square.
+    for (Index j = k_local + width; j < k_local + b; ++j) {
+      for (Index r = 0; r < width; ++r) {
+        ApplyReflector(static_cast<int>(n - r),
+                       &(*K)(begin + r, k_local + r),
+                       (*tau)[k + r],
+                       &(*K)(begin + r, j));
+      }
+    }
+    V = panel.triangularView<Eigen::UnitLower>();
+  }
+  if (strips.communicator() == nullptr) return;
+  VT_.resize(n + b, width);
+  VT_.topRows(n) = V;
+  VT_.bottomRows(b) = T_.leftCols(width);
+  strips.communicator()->Broadcast(strips.Owner(k), VT_.data(), VT_.size());
+  V = VT_.topRows(n);
+  T_.leftCols(width) = VT_.bottomRows(b);
+}
+
+void BandReduction::ComputeW(const Communicator* communicator, Index begin) {
+  constexpr Index b = kBandwidth;
+  const Index n = next_VW_.rows() - begin;
+  const Index width = std::min(n, b);
+  auto V = next_VW_.block(begin, 0, n, width);
+  auto X = next_VW_.block(begin, b, n, width);
+  // Each rank computes its share of the rows of W.
+  Share rows{0, static_cast<int>(n)};
+  std::vector<std::ptrdiff_t> sizes;
+  if (communicator != nullptr) {
+    rows = communicator->OwnShare(static_cast<int>(n));
+    sizes = communicator->SharedSizes(static_cast<int>(n), width);
+    all_rows_ = X.transpose();
+    own_rows_.resize(width, rows.count);
+    communicator->SumParts(all_rows_.data(), sizes, own_rows_.data());
+    X.middleRows(rows.first, rows.count) = own_rows_.transpose();
+  }
+  auto T = T_.topLeftCorner(width, width);
+  auto S = S_.topLeftCorner(width, width);
+  auto TS = TS_.topLeftCorner(width, width);
+  WV_.bottomRows(n).setZero();
+  auto W = WV_.block(begin, 0, n, width);
+  auto own_V = V.middleRows(rows.first, rows.count);
+  auto own_X = X.middleRows(rows.first, rows.count);
+  auto own_W = W.middleRows(rows.first, rows.count);
+  S_.setZero();
+  Gemm(Op::kTranspose, Op::kNone, 1.0, own_V, own_X, 0.0, S);
+  if (communicator != nullptr) communicator->Sum(S_.data(), S_.size());
+  Gemm(Op::kTranspose, Op::kNone, 1.0, T, S, 0.0, TS);
+  Gemm(Op::kNone, Op::kNone, -0.5, own_V, TS, 1.0, own_X);
+  Gemm(Op::kNone, Op::kNone, 1.0, own_X, T, 0.0, own_W);
+  if (communicator != nullptr) {
+    own_rows_ = own_W.transpose();
+    communicator->Gather(own_rows_.data(), sizes, all_rows_.data());
+    W = all_rows_.transpose();
+  }
+  X = W;
+  WV_.block(begin, b, n, width) = V;
 }
 
 }  // namespace invgrad

@@ -43,6 +43,14 @@ class BandReduction {
                Eigen::VectorXd* tau);
 
  private:
+  // V and T of the panel of columns k, ..., to all ranks.
+  void FactorizePanel(const ColumnStrips& strips,
+                      Eigen::Index k,
+                      Eigen::MatrixXd* K,
+                      Eigen::VectorXd* tau);
+  // From next [V X], with V in the rows from `begin` on: next [V W], and [W V].
+  void ComputeW(const Communicator* communicator, Eigen::Index begin);
+
   // [V W] and [W V] of the last panel, [V X] of the next: rows are those of K.
   Eigen::MatrixXd VW_;       // m x 2 b
   Eigen::MatrixXd WV_;       // m x 2 b
