@@ -16,8 +16,7 @@ thing the last counts. Without "rows" the word of a row is its label up to " (".
 rows and columns with the word "-", stay as they are, as does a table whose runs
 are not in FOLDER.
 
-    runs/NAME              summary.csv of compare or sweep.csv of sweep there;
-                           NAME may have a "*"
+    runs/NAME              summary.csv of compare or sweep.csv of sweep there
     adam, adam:*, !adam*   a method; the best that matches, or does not match
     name=value             a column of sweep.csv and its value
     train_loss, metric, steps, ms_per_step, ...   what is shown; else test_loss
@@ -78,13 +77,12 @@ def from_table(file, method, title):
 
 
 def find(folder, words):
-    """The files of a cell's runs; each once, though later blocks link to it."""
     name = [word for word in words if word.startswith("runs/")][-1]
-    files = sorted({file.resolve() for table in ("summary.csv", "sweep.csv")
-                    for file in folder.glob(f"*/{name}/{table}")})
+    files = [*folder.glob(f"*/{name}/summary.csv"),
+             *folder.glob(f"*/{name}/sweep.csv")]
     if not files:
         raise FileNotFoundError(name)
-    return files
+    return files[0]
 
 
 def overtakes(folder, words, loss):
@@ -92,12 +90,13 @@ def overtakes(folder, words, loss):
     method = [word for word in words
               if word not in (*LOSSES, "overtakes") and "/" not in word][-1]
     seconds = []
-    for history in find(folder, words)[0].parent.glob(
+    for history in find(folder, words).parent.glob(
             f"{method}-seed*/history.csv"):
         with open(history, newline="") as lines:
             seconds.append(next((float(row["seconds"])
                                  for row in csv.DictReader(lines)
-                                 if float(row[column[-1]]) < loss), math.inf))
+                                 if float(row[column[-1]] or "nan") < loss),
+                                math.inf))
     seconds.sort()
     middle = seconds[(len(seconds) - 1) // 2]
     return number(middle, 2) if middle < math.inf else "never"
@@ -105,8 +104,8 @@ def overtakes(folder, words, loss):
 
 def fill(folder, words):
     """The text of a cell, and its loss (or None)."""
-    runs = [dict(run, file=file)
-            for file in find(folder, words) for run in read(file)]
+    file = find(folder, words)
+    runs = read(file)
     names = set(runs[0])
     column, kind, digits, pattern, title = "test_loss", "", 2, "*", ""
     for word in words:
@@ -127,9 +126,9 @@ def fill(folder, words):
     for run in runs:
         if (fnmatch.fnmatchcase(run["method"], pattern.lstrip("!"))
                 != pattern.startswith("!")):
-            methods.setdefault((run["file"], run["method"]), []).append(run)
+            methods.setdefault(run["method"], []).append(run)
     if not methods:
-        raise LookupError(f"no run for {' '.join(words)}")
+        raise LookupError(f"no run for {' '.join(words)} in {file}")
     loss = column if column in LOSSES else "train_loss"
     for seeds in methods.values():
         seeds.sort(key=lambda run: run[loss])
@@ -138,7 +137,7 @@ def fill(folder, words):
                         for seeds in methods.values()),
                        key=lambda pair: pair[1][loss])
     if title:
-        return from_table(middle["file"].parent / "table.md", middle["method"],
+        return from_table(file.parent / "table.md", middle["method"],
                           title), None
     text = number(middle[column], digits)
     values = [run[column] for run in best if run[loss] < math.inf]
