@@ -135,8 +135,9 @@ double AdvectionError(Scheme scheme, int n) {
   const auto wave = [n](double shift) {
     VectorXd f(n * n);
     for (int p = 0; p < n * n; ++p) {
-      f[p] = std::sin(2.0 * M_PI * (1.0 * (p % n) / n - shift)) *
-             std::cos(2.0 * M_PI * (1.0 * (p / n) / n - shift));
+      const int row = p / n, col = p % n;
+      f[p] = std::sin(2.0 * M_PI * (1.0 * col / n - shift)) *
+             std::cos(2.0 * M_PI * (1.0 * row / n - shift));
     }
     return f;
   };
@@ -185,8 +186,9 @@ TEST(CosineGrid, TransformsACosineToOneModeAndBack) {
   const CosineGrid grid(rows, cols);
   VectorXd f(rows * cols);
   for (int p = 0; p < rows * cols; ++p) {
-    f[p] = std::cos(M_PI * 2 * (p / cols + 0.5) / rows) *
-           std::cos(M_PI * 3 * (p % cols + 0.5) / cols);
+    const int row = p / cols, col = p % cols;
+    f[p] = std::cos(M_PI * 2 * (row + 0.5) / rows) *
+           std::cos(M_PI * 3 * (col + 0.5) / cols);
   }
   VectorXd modes(rows * cols), back(rows * cols);
   grid.Forward(f.data(), modes.data());
