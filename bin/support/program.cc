@@ -368,7 +368,9 @@ void Warn(const std::string& message) {
     if (word >= kMaxWord) continue;
     shown += is_control && c != '\n' ? Printable({&c, 1}) : std::string(1, c);
   }
-  std::cerr << gflags::ProgramInvocationShortName() << ": " << shown << "\n";
+  // In one piece: mpirun may put what a rank prints between two pieces.
+  std::cerr << fmt::format(
+      "{}: {}\n", gflags::ProgramInvocationShortName(), shown);
 }
 
 }  // namespace invgrad

@@ -1,5 +1,9 @@
 // What the programs share: lists on the command line and names of files.
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
@@ -63,6 +67,22 @@ TEST(ParseNumbers, TakesPositiveNumbersAndNone) {
     SCOPED_TRACE(text);
     EXPECT_FALSE(ParseNumbers(text, &numbers, &error));
   }
+}
+
+TEST(Warn, WritesAMessageInOnePiece) {
+  // A read of this pipe ends where a write did.
+  std::array<int, 2> pipe = {};
+  ASSERT_EQ(pipe2(pipe.data(), O_DIRECT | O_NONBLOCK), 0);
+  const int standard_error = dup(STDERR_FILENO);
+  dup2(pipe[1], STDERR_FILENO);
+  Warn("two\nlines");
+  dup2(standard_error, STDERR_FILENO);
+  std::array<char, 1000> text = {};
+  const ssize_t size = read(pipe[0], text.data(), text.size());
+  const std::string line(text.data(), size < 0 ? 0 : size);
+  EXPECT_NE(line.find(": two\nlines\n"), std::string::npos) << line;
+  EXPECT_LT(read(pipe[0], text.data(), text.size()), 0);
+  for (const int file : {pipe[0], pipe[1], standard_error}) close(file);
 }
 
 // Runs a program without arguments, and ends with its exit code.

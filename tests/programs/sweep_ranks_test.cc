@@ -139,8 +139,10 @@ TEST_F(SweepRanks, ASignalToMpirunKeepsWhatIsComplete) {
   ::kill(mpirun, SIGUSR1);  // mpirun passes it on, and waits
   const Output output = Wait(mpirun);
   EXPECT_EQ(output.exit_code, 128 + SIGTERM) << output.text;
-  EXPECT_EQ(NumTimes("ending after the current step", output.text), 1);
-  EXPECT_EQ(NumTimes("sweep: the same command goes on", output.text), 1);
+  EXPECT_EQ(NumTimes("ending after the current step", output.text), 1)
+      << output.text;
+  EXPECT_EQ(NumTimes("sweep: the same command goes on", output.text), 1)
+      << output.text;
   EXPECT_EQ(Results("run")[0].at("status").substr(0, 8), "diverged");
   EXPECT_EQ(Results("run")[1].at("status"), "interrupted");
 }
