@@ -193,7 +193,8 @@ def rebuild(folder, spec, table):
             if losses[at] == min(losses[other] for other in losses
                                  if other[by] == at[by]):
                 i, j = at
-                cells[i][j] = re.sub(r"^\S+", r"**\g<0>**", cells[i][j])
+                cells[i][j] = re.sub(r"^\S*[^\s,]", r"**\g<0>**",
+                                     cells[i][j])
     rows = ["".join(f" {cell} |" if cell else " |" for cell in line)
             for line in cells]
     return table.splitlines()[:2] + ["|" + row for row in rows]
