@@ -1,4 +1,5 @@
-// What the programs share: lists on the command line and names of files.
+// What the programs share: lists on the command line, messages, exit codes and
+// names of files.
 
 #include <fcntl.h>
 #include <unistd.h>
