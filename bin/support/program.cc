@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <limits>
 #include <new>
@@ -32,10 +33,12 @@ namespace {
 
 bool is_silent = false;
 
-// With a slash at its end; this is bin/support/program.cc.
-std::string BinDirectory() {
-  return std::filesystem::path(__FILE__).parent_path().parent_path().string() +
-         "/";
+// Whether bin/ or a folder in it defines the flag. The path is what the compiler
+// was called with: absolute, relative or mapped.
+bool IsOurs(const gflags::CommandLineFlagInfo& flag) {
+  const std::filesystem::path folder =
+      std::filesystem::path(flag.filename).parent_path();
+  return folder.filename() == "bin" || folder.parent_path().filename() == "bin";
 }
 
 // An OptionSet has the number's syntax, range and messages.
@@ -198,7 +201,12 @@ int RunProgram(int argc,
   gflags::ParseCommandLineNonHelpFlags(&argc, &argv, true);
   if (FLAGS_helpshort) {
     // gflags' own help omits the flags of bin/support.
-    gflags::ShowUsageWithFlagsRestrict(argv[0], BinDirectory().c_str());
+    fmt::print("{}: {}\n\n",
+               gflags::ProgramInvocationShortName(),
+               gflags::ProgramUsage());
+    for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+      fmt::print("{}", gflags::DescribeOneFlag(flag));
+    }
     return 1;  // as for gflags' other help
   }
   gflags::HandleCommandLineHelpFlags();
@@ -221,14 +229,9 @@ int RunProgram(int argc,
 }
 
 std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {
-  const std::string directory = BinDirectory();
   std::vector<gflags::CommandLineFlagInfo> flags;
   gflags::GetAllFlags(&flags);
-  flags.erase(std::remove_if(flags.begin(),
-                             flags.end(),
-                             [&directory](const auto& flag) {
-                               return flag.filename.rfind(directory, 0) != 0;
-                             }),
+  flags.erase(std::remove_if(flags.begin(), flags.end(), std::not_fn(IsOurs)),
               flags.end());
   return flags;
 }
