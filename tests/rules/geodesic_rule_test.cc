@@ -169,6 +169,17 @@ TEST(GeodesicRule, AStepIsNoLongerThanItsLimit) {
   EXPECT_EQ(StepOf("adaptive", at_zero), StepOf("geodesic", at_zero));
 }
 
+TEST(GeodesicRule, AStepThatItsRowsDetermineHasNoLimit) {
+  const VectorXd x = 0.1 * RandomMatrix(4, 1, 7);
+  for (const int rows : {7, 8}) {
+    const Parabola problem = MakeParabola(rows, 4, 0.3);
+    const Linearization at_x = problem.At(x);
+    const VectorXd step = StepOf("geodesic", at_x);
+    ASSERT_GT(step.norm(), 0.1 * x.norm());
+    EXPECT_EQ(StepOf("adaptive", at_x) == step, rows == 8) << rows;
+  }
+}
+
 TEST(GeodesicRule, AMinimumAndAZeroJacobianHaveNoStep) {
   const auto rule = MakeRule("geodesic");
   Parabola problem = MakeParabola(3, 3, 0.0);

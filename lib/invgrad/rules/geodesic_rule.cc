@@ -3,15 +3,16 @@
 //
 //   (c J^T J + lambda D) v = -J^T g            g = dL/dy
 //   (c J^T J + lambda D) a = -1/2 J^T g_vv     g_vv = d2/dt2 g(x + t v)
-//   step = v + a, or v                            |step| <= max_relative_step |x|
+//   step = v + a, or v        |step| <= max_relative_step |x| if m < 2 n
 //
 // D, and how long a may be, depend on whether J is dense or sparse
 // (damped_normal_equations.h). The step is that of the first lambda for which L
 // falls by at least `gain` times the decrease that the linear model promises for
 // v, and that is not too long. If there is none, the step is zero, and lambda
-// stays. On small batches the limit on the length matters: with fewer rows than
-// weights, small lambda make steps that fit the batch, blow the weights up and
-// saturate the neurons.
+// stays. On small batches the limit on the length matters: with hardly more rows
+// m than weights n, or fewer, small lambda make steps that fit the batch, blow the
+// weights up and saturate the neurons. With more rows a long step is one that the
+// data determine, and a limit would only slow it down.
 //
 //   geodesic   no limit: for all samples in each step, and for ceres::Solve
 //   adaptive   a tenth of |x|, and in training a raced batch size
@@ -68,6 +69,8 @@ constexpr double kFactor = 4.0;
 constexpr double kLeastDamping = 1e-30;
 constexpr double kLeastSparseDamping = 1e-15;
 constexpr double kLargestDamping = 1e6;
+// With so many rows for each column the length of a step has no limit.
+constexpr double kDetermined = 2.0;
 // The length of the difference that gives g_vv, in units of v.
 constexpr double kDifference = 0.1;
 
@@ -89,10 +92,12 @@ class GeodesicRule final : public UpdateRule {
                {0.0, 1.0},
                "least decrease of the loss over that of the linear model");
       set->Add("acceleration", &acceleration, {"on", "off"}, "the bend a");
-      set->Add("max_relative_step",
-               &max_relative_step,
-               {0.0, 1e9},
-               "longest step, over |x|; 0: no limit");
+      set->Add(
+          "max_relative_step",
+          &max_relative_step,
+          {0.0, 1e9},
+          "longest step, over |x|, of a J with fewer than two rows for each "
+          "column; 0: no limit");
     }
   };
 
@@ -199,6 +204,8 @@ class GeodesicRule final : public UpdateRule {
   }
 
   bool IsTooLong(const Linearization& at_x, const VectorXd& step) const {
+    const JacobianOperator& J = *at_x.jacobian;
+    if (J.rows() >= kDetermined * J.cols()) return false;
     const double longest = options_.max_relative_step * at_x.norm_of_x;
     return longest > 0.0 && step.norm() > longest;
   }
@@ -255,8 +262,9 @@ std::vector<RuleRow> GeodesicRuleRows() {
                                 "J^T g, lambda by the loss",
                                 geodesic),
       MakeRuleRow<GeodesicRule>("adaptive",
-                                "the step of geodesic, |step| <= |x| / 10; "
-                                "the batch size is raced in training",
+                                "the step of geodesic, |step| <= |x| / 10 if "
+                                "J has fewer than two rows a column; the batch "
+                                "size is raced in training",
                                 adaptive)};
   rows.back().races_batch_size = true;
   return rows;
