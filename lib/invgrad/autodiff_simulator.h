@@ -1,6 +1,6 @@
 // Makes a Simulator from a functor that is written on a scalar type. Jets
 // differentiate it with respect to all inputs at once. Use it for up to a few
-// dozen inputs. For a simulator that steps through time use
+// dozen inputs. For a new control in each of many time steps use
 // time_stepping_simulator.h, for fields use field_simulator.h.
 //
 //   y = P(x; c),   J = dP/dx,   dP/dc,   H = sum_i w_i d2P_i/dx2

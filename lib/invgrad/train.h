@@ -174,7 +174,8 @@ struct TrainOptions {
 
   // Early stop: train loss <= target_loss; or no new minimum of the test loss
   // (of the train loss if there are no test data) in `patience` evaluations. 0:
-  // off.
+  // off. The weights of the lowest test loss are not kept; `on_evaluation` can
+  // keep them.
   double target_loss = 0.0;
   int patience = 0;
 
