@@ -113,7 +113,8 @@ bool AddEquationToProblem(Equation* equation,
 // it for terms beside the equation itself, such as values at a boundary or
 // measurements.
 //
-// Shapes:  y: 1; u is the first function.
+// Shapes:  y: 1; u is the first function. For another write a functor of all
+//          inputs, as y[0] = u[1] - c[0].
 class ValueResidual final : public Simulator {
  public:
   // Of an equation with this trial function and number of coefficients.

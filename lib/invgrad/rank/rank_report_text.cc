@@ -244,7 +244,8 @@ class Text {
 
   void WhatToDo() {
     if (report_.unused.empty() && report_.suggestions.empty()) return;
-    text_ += "\nwhat to do (any one of: hold constant, add a prior, remove):\n";
+    text_ +=
+        "\nwhat to do, each line (hold constant, or add a prior, or remove):\n";
     AddLines(report_.unused.size(), [this](std::size_t i) {
       return fmt::format("  hold {} constant, or give it a residual",
                          Names(report_.unused[i]));
