@@ -35,11 +35,13 @@ int main(int argc, char**) {
       std::make_shared<invgrad::SquaredNormLoss>(2, 0.5),
       invgrad::Reduction::kSum);
   invgrad::NumpyRandom random(1);
+  // [samples]
   invgrad::DataSet data;
   data.targets = 1.0 + 9.0 * random.Rand(2, 100).array();
   data.contexts = -2.0 * random.Rand(1, 100);
   data.inputs.resize(3, 100);
   data.inputs << data.targets / 10.0, data.contexts;
+  // [/samples]
   data.targets.row(0).head(5).setConstant(15.0);  // wrong measurements
   Eigen::VectorXd weights =
       network->InitialWeights(invgrad::Initialization::kPytorch, &random);

@@ -28,6 +28,7 @@
 
 namespace invgrad {
 
+// [residual]
 struct HelmholtzResidual {
   double k;
   // u: u, Lap u.
@@ -37,6 +38,7 @@ struct HelmholtzResidual {
     return true;
   }
 };
+// [/residual]
 
 struct HelmholtzPinn {
   double k = 1.0;
@@ -69,6 +71,7 @@ struct HelmholtzPinn {
       d[0] = (1.0 - a[0] * a[0]) * (1.0 - a[1] * a[1]);
     };
     helmholtz.box = {Eigen::Vector2d(-1.0, -1.0), Eigen::Vector2d(1.0, 1.0)};
+    // [term]
     EquationTerm inside = {
         "equation",
         std::make_shared<AutoDiffSimulator<HelmholtzResidual, 2, 1, 1>>(
@@ -80,6 +83,7 @@ struct HelmholtzPinn {
                          const Eigen::VectorXd& point, Eigen::Index, auto c) {
       c[0] = factor * Solution(point);
     };
+    // [/term]
     helmholtz.equation.terms = {inside};
     helmholtz.equation.hidden = {20, 20, 20};
     helmholtz.points = points;

@@ -260,7 +260,7 @@ TEST(Covariance, MarksWhatTheDataDoNotDetermine) {
     EXPECT_TRUE(covariance.AmbientBlock(constant, x).isZero(0.0));
     EXPECT_TRUE(covariance.TangentBlock(x, partly).isZero(0.0));
     const std::string text = covariance.ToText();
-    EXPECT_NE(text.find("`block 0`[0]  1  +/- 0.5 (of least norm; 50 % not "
+    EXPECT_NE(text.find("`block 0`[0]  1  +/- 0.5 (no error bar: 50 % not "
                         "determined)"),
               std::string::npos)
         << text;

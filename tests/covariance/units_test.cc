@@ -119,7 +119,7 @@ TEST(Units, AFreeParameterIsNotKnownInAnyUnitOfTheData) {
       const auto begin = text.find(name);
       const std::string line =
           text.substr(begin, text.find('\n', begin) - begin);
-      EXPECT_NE(line.find("(of least norm; 50 % not determined)"),
+      EXPECT_NE(line.find("(no error bar: 50 % not determined)"),
                 std::string::npos)
           << line;
     }

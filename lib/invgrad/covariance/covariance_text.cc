@@ -40,7 +40,7 @@ Line ParameterLine(const Covariance::Block& block, int tangent) {
   line.deviation = "+/- " + FormatNumber(deviation, 5);
   if (share > kLeastUndeterminedShare) {
     line.deviation +=
-        fmt::format(" (of least norm; {} not determined)", Percent(share));
+        fmt::format(" (no error bar: {} not determined)", Percent(share));
     return line;
   }
   std::vector<std::string> remarks;
