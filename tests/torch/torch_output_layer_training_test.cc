@@ -171,15 +171,16 @@ TEST(TorchOutputLayerTraining, AShareHasSixteenSamplesForEachUnknown) {
   EXPECT_EQ(SamplesOfBlock(*problem.model, true), 32);
 }
 
-INSTANTIATE_TEST_SUITE_P(Poisson,
-                         UNetWithAnExactLayer,
-                         testing::Values("adam:step_size=1e-3",
-                                         "supervised:step_size=1e-3",
-                                         "sip:step_size=1e-3",
-                                         "kfac:step_size=0.1:damping=1",
-                                         "newton/inverse/kfac:interval=3",
-                                         "krylov:iterations=10",
-                                         "newton/inverse/krylov"));
+INSTANTIATE_TEST_SUITE_P(
+    Poisson,
+    UNetWithAnExactLayer,
+    testing::Values("adam:step_size=1e-3",
+                    "supervised:step_size=1e-3",
+                    "sip:step_size=1e-3",
+                    "kfac:step_size=0.1:damping=1",
+                    "newton/inverse/kfac:interval=3",
+                    "krylov:iterations=10",
+                    "newton/inverse/krylov:iterations=10"));
 
 }  // namespace torch_output_layer_training_test
 }  // namespace invgrad

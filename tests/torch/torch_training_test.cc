@@ -50,14 +50,15 @@ TEST_P(EveryMethod, LowersTheTestLossAndResumesBitForBit) {
   EXPECT_EQ(resumed.weights, whole.weights);
 }
 
-INSTANTIATE_TEST_SUITE_P(UNet,
-                         EveryMethod,
-                         testing::Values("adam:step_size=1e-2",
-                                         "sip:step_size=1e-2",
-                                         "kfac:step_size=0.1:damping=1",
-                                         "newton/inverse/kfac:interval=3",
-                                         "krylov:iterations=10",
-                                         "newton/inverse/krylov"));
+INSTANTIATE_TEST_SUITE_P(
+    UNet,
+    EveryMethod,
+    testing::Values("adam:step_size=1e-2",
+                    "sip:step_size=1e-2",
+                    "kfac:step_size=0.1:damping=1",
+                    "newton/inverse/kfac:interval=3",
+                    "krylov:iterations=10",
+                    "newton/inverse/krylov:iterations=10"));
 
 TEST(UNetTraining, RulesWithoutFactorsAreTooLarge) {
   const LearningProblem problem =
