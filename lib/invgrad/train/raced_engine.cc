@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "fmt/core.h"
@@ -13,6 +14,14 @@ namespace invgrad {
 namespace {
 
 constexpr int kMaxNumJudging = 512;
+// That choose between the last weights and their means, which differ by less.
+constexpr int kMaxNumFirstSamples = 2048;
+
+DataSet FirstSamples(const DataSet& data) {
+  std::vector<int> indices(std::min(kMaxNumFirstSamples, data.num_samples()));
+  std::iota(indices.begin(), indices.end(), 0);
+  return data.Select(indices);
+}
 
 }  // namespace
 
@@ -28,7 +37,8 @@ RacedEngine::RacedEngine(std::unique_ptr<RuleEngine> engine,
       num_judging_(num_judging),
       communicator_(options.communicator),
       model_(*model),
-      data_(*data) {}
+      data_(*data),
+      first_samples_(FirstSamples(data->train)) {}
 
 double RacedEngine::Judge(const Eigen::VectorXd& weights,
                           const DataSet& samples) {
@@ -37,12 +47,45 @@ double RacedEngine::Judge(const Eigen::VectorXd& weights,
   return std::isfinite(loss) ? loss : std::numeric_limits<double>::infinity();
 }
 
+Eigen::VectorXd RacedEngine::Finished(const Eigen::VectorXd& weights) {
+  const bool is_first = race_.lane() == 0;
+  const Eigen::VectorXd& last = is_first ? weights : lanes_[0].of_rule.weights;
+  const WeightMeans& means = is_first ? means_ : lanes_[0].means;
+  const Eigen::VectorXd* lowest = &last;
+  double loss = Judge(last, first_samples_);
+  // Without a finite loss the run has diverged, and no mean shall hide it.
+  if (means.has_means() && std::isfinite(loss)) {
+    for (const Eigen::VectorXd& mean : means.means()) {
+      const double of_mean = Judge(mean, first_samples_);
+      if (of_mean >= loss) continue;
+      lowest = &mean;
+      loss = of_mean;
+    }
+  }
+  return engine_->Finished(*lowest);
+}
+
+RacedEngine::Lane RacedEngine::Save(const Eigen::VectorXd& weights) {
+  return {engine_->Save(weights), means_};
+}
+
+void RacedEngine::Load(const Lane& lane, Eigen::VectorXd* weights) {
+  engine_->Load(lane.of_rule, weights);
+  means_ = lane.means;
+}
+
+void RacedEngine::Lane::VisitState(const std::string& name,
+                                   StateArchive* archive) {
+  of_rule.VisitState(name, archive);
+  means.VisitState(name + "_", archive);
+}
+
 Engine::StepResult RacedEngine::Step(double progress,
                                      Eigen::VectorXd* weights) {
   if (race_.IsDue() &&
       race_.Begin(
           Judge(*weights, engine_->TakeSamples(num_judging_, *weights)))) {
-    start_ = engine_->Save(*weights);
+    start_ = Save(*weights);
   }
   engine_->set_batch_size(race_.batch_size());
   StepResult result = engine_->Step(progress, weights);
@@ -52,6 +95,7 @@ Engine::StepResult RacedEngine::Step(double progress,
   result.outcome = StepResult::Outcome::kStepped;
   num_samples_ += race_.batch_size();
   race_.CountStep();
+  means_.Add(*weights);
   if (race_.IsSliceOver() || has_failed) EndSlice(has_failed, weights);
   return result;
 }
@@ -64,21 +108,21 @@ Engine::Counts RacedEngine::counts() const {
 }
 
 void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
-  lanes_.push_back(engine_->Save(*weights));
-  if (has_failed) lanes_.back().weights.resize(0);
+  lanes_.push_back(Save(*weights));
+  if (has_failed) lanes_.back().of_rule.weights.resize(0);
   if (race_.BeginNextSlice()) {
-    engine_->Load(start_, weights);
+    Load(start_, weights);
     return;
   }
   const DataSet samples = engine_->TakeSamples(num_judging_, *weights);
   std::vector<double> losses;
-  for (const RuleEngine::Lane& lane : lanes_) {
-    losses.push_back(lane.weights.size() > 0
-                         ? Judge(lane.weights, samples)
-                         : std::numeric_limits<double>::infinity());
+  for (const Lane& lane : lanes_) {
+    const Eigen::VectorXd& last = lane.of_rule.weights;
+    losses.push_back(last.size() > 0 ? Judge(last, samples)
+                                     : std::numeric_limits<double>::infinity());
   }
   const int winner = race_.End(losses);
-  engine_->Load(winner < 0 ? start_ : lanes_[winner], weights);
+  Load(winner < 0 ? start_ : lanes_[winner], weights);
   lanes_.clear();
 }
 
@@ -120,9 +164,10 @@ void RacedEngine::VisitState(StateArchive* archive) {
   archive->Visit("num_samples", &num_samples_);
   archive->Require(num_samples_ >= 0.0 && std::isfinite(num_samples_),
                    "num_samples");
+  means_.VisitState("", archive);
   if (!race_.is_racing() || !archive->error().empty()) return;
   if (archive->is_reading()) {
-    start_ = engine_->Save(Eigen::VectorXd());
+    start_ = Save(Eigen::VectorXd());
     lanes_.assign(race_.lane(), start_);
   }
   start_.VisitState("race", archive);

@@ -3,8 +3,12 @@
 // Between races it is the rule's engine. In a race each slice begins with the
 // weights and the state of the rule before the race; all slices take their
 // samples from one sequence, so that each is trained on new ones. A slice whose
-// step fails has lost. The weights that the run reports during a race are those
-// of the first slice, which is the run as it goes on without a race.
+// step fails has lost.
+//
+// The weights that the run reports are the last ones or one of their running
+// means (weight_means.h), whichever has the lowest loss on the first samples of
+// the training data. During a race they are those of the first slice, which is
+// the run as it goes on without a race.
 #ifndef INVGRAD_TRAIN_RACED_ENGINE_H_
 #define INVGRAD_TRAIN_RACED_ENGINE_H_
 
@@ -19,6 +23,7 @@
 #include "invgrad/train/batch_race.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/rule_engine.h"
+#include "invgrad/train/weight_means.h"
 
 namespace invgrad {
 
@@ -39,9 +44,7 @@ class RacedEngine final : public Engine {
             Eigen::VectorXd* weights) override {
     return engine_->Undo(reason, best, weights);
   }
-  Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
-    return engine_->Finished(race_.lane() == 0 ? weights : lanes_[0].weights);
-  }
+  Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override;
   Counts counts() const override;
   void VisitState(StateArchive* archive) override;
   std::string Finish() override {
@@ -49,7 +52,16 @@ class RacedEngine final : public Engine {
   }
 
  private:
-  // The loss of new samples; infinite if it is not finite.
+  struct Lane {
+    RuleEngine::Lane of_rule;
+    WeightMeans means;
+
+    void VisitState(const std::string& name, StateArchive* archive);
+  };
+  Lane Save(const Eigen::VectorXd& weights);
+  void Load(const Lane& lane, Eigen::VectorXd* weights);
+
+  // The loss; infinite if it is not finite.
   double Judge(const Eigen::VectorXd& weights, const DataSet& samples);
   void EndSlice(bool has_failed, Eigen::VectorXd* weights);
 
@@ -60,11 +72,13 @@ class RacedEngine final : public Engine {
   const Model& model_;
   const TrainingData& data_;
 
+  const DataSet first_samples_;
   double num_samples_ = 0.0;  // of all steps
+  WeightMeans means_;
   // Of a race: its start, and the slices that are over; one that has failed has
   // no weights.
-  RuleEngine::Lane start_;
-  std::vector<RuleEngine::Lane> lanes_;
+  Lane start_;
+  std::vector<Lane> lanes_;
 };
 
 // Makes it, with the costs of steps by a rule that needs `needs`. `fits`: as of

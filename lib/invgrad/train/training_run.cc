@@ -90,6 +90,7 @@ void TrainingRun::Impl::BeginNextPhase() {
   if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
   const int next = next_phase();
   if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
+  state_.weights = engine().Finished(weights());
   TakeBetterWeights();
   state_.first_epoch = epoch();
   state_.first_step = state_.step;
