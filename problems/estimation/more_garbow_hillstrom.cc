@@ -19,8 +19,6 @@ using std::exp;
 using std::pow;
 using std::sqrt;
 
-constexpr double kPi = 3.14159265358979323846;
-
 template <typename T>
 T Square(const T& value) {
   return value * value;
@@ -54,7 +52,10 @@ MoreGarbowHillstromRow Row(const std::string& name,
       {}};
 }
 
-std::vector<MoreGarbowHillstromRow> MakeRows() {
+// By the number of unknowns.
+using Rows = std::vector<MoreGarbowHillstromRow>;
+
+Rows RowsOf2() {
   return {
       Row<2, 2>("rosenbrock",
                 {-1.2, 1},
@@ -102,11 +103,57 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
                                 (exp(static_cast<double>(i) * x[0]) +
                                  exp(static_cast<double>(i) * x[1]));
                  }),
+  };
+}
+
+// Measured values of [1].
+constexpr double kBard[] = {.14,
+                            .18,
+                            .22,
+                            .25,
+                            .29,
+                            .32,
+                            .35,
+                            .39,
+                            .37,
+                            .58,
+                            .73,
+                            .96,
+                            1.34,
+                            2.10,
+                            4.39};
+constexpr double kGaussian[] = {.0009,
+                                .0044,
+                                .0175,
+                                .0540,
+                                .1295,
+                                .2420,
+                                .3521,
+                                .3989};  // then the same backwards
+constexpr double kMeyer[] = {34780,
+                             28610,
+                             23650,
+                             19630,
+                             16370,
+                             13720,
+                             11540,
+                             9744,
+                             8261,
+                             7030,
+                             6005,
+                             5147,
+                             4427,
+                             3820,
+                             3307,
+                             2872};
+
+Rows RowsOf3() {
+  return {
       Row<3, 3>("helical_valley",
                 {-1, 0, 0},
                 0,
                 [](const auto* x, auto* r) {
-                  auto th = atan2(x[1], x[0]) / (2 * kPi);
+                  auto th = atan2(x[1], x[0]) / (2 * M_PI);
                   if (th < -0.25) th += 1.0;  // in (-1/4, 3/4)
                   r[0] = 10.0 * (x[2] - 10.0 * th);
                   r[1] = 10.0 * (sqrt(x[0] * x[0] + x[1] * x[1]) - 1.0);
@@ -116,74 +163,29 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
                  {1, 1, 1},
                  8.21487e-3,
                  [](const auto* x, auto* r) {
-                   const double y[] = {.14,
-                                       .18,
-                                       .22,
-                                       .25,
-                                       .29,
-                                       .32,
-                                       .35,
-                                       .39,
-                                       .37,
-                                       .58,
-                                       .73,
-                                       .96,
-                                       1.34,
-                                       2.10,
-                                       4.39};
                    for (int i = 1; i <= 15; ++i) {
                      const double u = i, v = 16 - i, w = std::min(u, v);
-                     r[i - 1] = y[i - 1] - (x[0] + u / (v * x[1] + w * x[2]));
+                     r[i - 1] =
+                         kBard[i - 1] - (x[0] + u / (v * x[1] + w * x[2]));
                    }
                  }),
       Row<15, 3>("gaussian",
                  {.4, 1, 0},
                  1.12793e-8,
                  [](const auto* x, auto* r) {
-                   const double y[] = {.0009,
-                                       .0044,
-                                       .0175,
-                                       .0540,
-                                       .1295,
-                                       .2420,
-                                       .3521,
-                                       .3989,
-                                       .3521,
-                                       .2420,
-                                       .1295,
-                                       .0540,
-                                       .0175,
-                                       .0044,
-                                       .0009};
                    for (int i = 1; i <= 15; ++i) {
                      const double t = (8.0 - i) / 2.0;
-                     r[i - 1] =
-                         x[0] * exp(-0.5 * x[1] * Square(t - x[2])) - y[i - 1];
+                     r[i - 1] = x[0] * exp(-0.5 * x[1] * Square(t - x[2])) -
+                                kGaussian[std::min(i, 16 - i) - 1];
                    }
                  }),
       Row<16, 3>("meyer",
                  {.02, 4000, 250},
                  87.9458,
                  [](const auto* x, auto* r) {
-                   const double y[] = {34780,
-                                       28610,
-                                       23650,
-                                       19630,
-                                       16370,
-                                       13720,
-                                       11540,
-                                       9744,
-                                       8261,
-                                       7030,
-                                       6005,
-                                       5147,
-                                       4427,
-                                       3820,
-                                       3307,
-                                       2872};
                    for (int i = 1; i <= 16; ++i)
-                     r[i - 1] =
-                         x[0] * exp(x[1] / (45.0 + 5.0 * i + x[2])) - y[i - 1];
+                     r[i - 1] = x[0] * exp(x[1] / (45.0 + 5.0 * i + x[2])) -
+                                kMeyer[i - 1];
                  }),
       Row<100, 3>("gulf",
                   {5, 2.5, .15},
@@ -206,6 +208,11 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
                                 x[2] * (exp(-t) - exp(-10.0 * t));
                    }
                  }),
+  };
+}
+
+Rows RowsOf4() {
+  return {
       Row<4, 4>("powell_singular",
                 {3, -1, 0, 1},
                 0,
@@ -259,6 +266,11 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
                      r[i - 1] = Square(a) + Square(b);
                    }
                  }),
+  };
+}
+
+Rows RowsOfMore() {
+  return {
       Row<33, 5>("osborne_1",
                  {.5, 1.5, -1, .01, .02},
                  5.46489e-5,
@@ -309,6 +321,14 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
   };
 }
 
+Rows MakeRows() {
+  Rows rows;
+  for (const Rows& part : {RowsOf2(), RowsOf3(), RowsOf4(), RowsOfMore()}) {
+    rows.insert(rows.end(), part.begin(), part.end());
+  }
+  return rows;
+}
+
 // [2]
 struct BoundsRow {
   std::string name;
@@ -316,7 +336,7 @@ struct BoundsRow {
   double minimum;  // within the bounds
 };
 
-std::vector<MoreGarbowHillstromRow> MakeBoundedRows() {
+Rows MakeBoundedRows() {
   const BoundsRow bounds[] = {
       {"powell_badly_scaled", {0, 1}, {1, 9}, 0.15125900e-9},
       {"brown_badly_scaled", {0, 3e-5}, {1e6, 100}, 0.784e3},
@@ -329,7 +349,7 @@ std::vector<MoreGarbowHillstromRow> MakeBoundedRows() {
       {"brown_dennis", {-10, 0, -100, -20}, {100, 15, 0, 0.2}, 0.88860479e5},
       {"biggs_exp6", {0, 0, 0, 1, 0, 0}, {2, 8, 1, 7, 5, 5}, 0.53209865e-3},
   };
-  std::vector<MoreGarbowHillstromRow> rows;
+  Rows rows;
   for (const MoreGarbowHillstromRow& row : MoreGarbowHillstrom()) {
     for (const BoundsRow& bound : bounds) {
       if (bound.name != row.name) continue;
@@ -345,15 +365,13 @@ std::vector<MoreGarbowHillstromRow> MakeBoundedRows() {
 }  // namespace more_garbow_hillstrom
 
 const std::vector<MoreGarbowHillstromRow>& MoreGarbowHillstrom() {
-  static const auto* const rows = new std::vector<MoreGarbowHillstromRow>(
-      more_garbow_hillstrom::MakeRows());
-  return *rows;
+  static const auto& rows = *new auto(more_garbow_hillstrom::MakeRows());
+  return rows;
 }
 
 const std::vector<MoreGarbowHillstromRow>& BoundedMoreGarbowHillstrom() {
-  static const auto* const rows = new std::vector<MoreGarbowHillstromRow>(
-      more_garbow_hillstrom::MakeBoundedRows());
-  return *rows;
+  static const auto& rows = *new auto(more_garbow_hillstrom::MakeBoundedRows());
+  return rows;
 }
 
 std::unique_ptr<ceres::Problem> MakeMoreGarbowHillstrom(

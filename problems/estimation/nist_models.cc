@@ -87,8 +87,11 @@ std::vector<NistModel> Models(const std::vector<std::string>& names,
   return models;
 }
 
-std::vector<NistModel> MakeModels() {
-  const std::vector<NistModel> groups[] = {
+using ModelGroups = std::vector<std::vector<NistModel>>;
+
+// By NIST's level of difficulty of the first data set of each model.
+ModelGroups LowerModels() {
+  return {
       Models<2>({"Misra1a", "BoxBOD"},
                 "y = b1 (1 - exp(-b2 x))",
                 [](auto x, auto b) { return b[0] * (1.0 - exp(-b[1] * x)); }),
@@ -118,6 +121,11 @@ std::vector<NistModel> MakeModels() {
                 [](auto x, auto b) {
                   return b[0] * (1.0 - pow(1.0 + b[1] * x / 2.0, -2.0));
                 }),
+  };
+}
+
+ModelGroups AverageModels() {
+  return {
       Models<5>({"Kirby2"},
                 "y = (b1 + b2 x + b3 x^2) / (1 + b4 x + b5 x^2)",
                 [](auto x, auto b) {
@@ -174,6 +182,11 @@ std::vector<NistModel> MakeModels() {
                          b[4] * cos(el_nino) + b[5] * sin(el_nino) +
                          b[7] * cos(oscillation) + b[8] * sin(oscillation);
                 }),
+  };
+}
+
+ModelGroups HigherModels() {
+  return {
       Models<4>({"MGH09"},
                 "y = b1 (x^2 + b2 x) / (x^2 + b3 x + b4)",
                 [](auto x, auto b) {
@@ -201,9 +214,15 @@ std::vector<NistModel> MakeModels() {
           "y = b1 (b2 + x)^(-1 / b3)",
           [](auto x, auto b) { return b[0] * pow(b[1] + x, -1.0 / b[2]); }),
   };
+}
+
+std::vector<NistModel> MakeModels() {
   std::vector<NistModel> models;
-  for (const std::vector<NistModel>& group : groups) {
-    models.insert(models.end(), group.begin(), group.end());
+  for (const ModelGroups& level :
+       {LowerModels(), AverageModels(), HigherModels()}) {
+    for (const std::vector<NistModel>& group : level) {
+      models.insert(models.end(), group.begin(), group.end());
+    }
   }
   return models;
 }
