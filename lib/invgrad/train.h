@@ -269,8 +269,8 @@ class TrainingRun {
 
   // Takes one step. Returns false, without a step, after the end of the run. In
   // a race of batch sizes (batch_size=auto of method.h) the weights after a step
-  // may be those of a slice that loses; the result may have a running mean of
-  // the weights.
+  // may be those of a slice that loses. History, metric and result are those of
+  // the weights that the run reports (train/raced_engine.h).
   bool Step();
 
   // Ends the run and keeps its results; a checkpoint allows to resume it.

@@ -52,9 +52,9 @@ MoreGarbowHillstromRow Row(const std::string& name,
       {}};
 }
 
-// By the number of unknowns.
 using Rows = std::vector<MoreGarbowHillstromRow>;
 
+// By the number of unknowns.
 Rows RowsOf2() {
   return {
       Row<2, 2>("rosenbrock",
@@ -129,7 +129,7 @@ constexpr double kGaussian[] = {.0009,
                                 .1295,
                                 .2420,
                                 .3521,
-                                .3989};  // then the same backwards
+                                .3989};  // then the first seven backwards
 constexpr double kMeyer[] = {34780,
                              28610,
                              23650,

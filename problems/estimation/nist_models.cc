@@ -89,7 +89,7 @@ std::vector<NistModel> Models(const std::vector<std::string>& names,
 
 using ModelGroups = std::vector<std::vector<NistModel>>;
 
-// By NIST's level of difficulty of the first data set of each model.
+// By NIST's level of difficulty of the easiest data set of each model.
 ModelGroups LowerModels() {
   return {
       Models<2>({"Misra1a", "BoxBOD"},

@@ -68,6 +68,7 @@ TEST_P(ShuffledOrNot, TwoPhasesAreTwoRunsBitForBit) {
        "half_inverse:truncation=1e-3:batch_size=6"},
       {"sip:step_size=1e-2:batch_size=3", "adam:schedule=cosine:batch_size=5"},
       {"half_inverse:batch_size=12", "sip:batch_size=4"},
+      {"adam:output_layer=exact:batch_size=4", "adam:batch_size=4"},
       {"adam", "ceres_lm"}};
   for (const auto& [first, second] : pairs) {
     SCOPED_TRACE(first + ">" + second);

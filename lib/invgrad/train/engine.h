@@ -82,8 +82,8 @@ class Engine {
     return false;
   }
 
-  // The weights that a run reports for `weights`: the same, or with the best
-  // output layer for them.
+  // The weights that a run reports for `weights`: the same, with the best output
+  // layer for them, or a mean of the last ones (raced_engine.h).
   virtual Eigen::VectorXd Finished(const Eigen::VectorXd& weights) {
     return weights;
   }

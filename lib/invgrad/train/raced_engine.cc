@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "fmt/core.h"
@@ -14,12 +13,19 @@ namespace invgrad {
 namespace {
 
 constexpr int kMaxNumJudging = 512;
-// That choose between the last weights and their means, which differ by less.
-constexpr int kMaxNumFirstSamples = 2048;
+// For the choice between the last weights and their means, whose losses differ by
+// less than those of slices.
+constexpr int kMaxNumChoosing = 2048;
 
-DataSet FirstSamples(const DataSet& data) {
-  std::vector<int> indices(std::min(kMaxNumFirstSamples, data.num_samples()));
-  std::iota(indices.begin(), indices.end(), 0);
+// So many samples at most, evenly spaced.
+DataSet EvenlySpaced(const DataSet& data, int max_num_samples) {
+  const int num_samples = std::min(max_num_samples, data.num_samples());
+  std::vector<int> indices;
+  indices.reserve(num_samples);
+  for (int i = 0; i < num_samples; ++i) {
+    indices.push_back(
+        static_cast<int>(1L * i * data.num_samples() / num_samples));
+  }
   return data.Select(indices);
 }
 
@@ -37,8 +43,7 @@ RacedEngine::RacedEngine(std::unique_ptr<RuleEngine> engine,
       num_judging_(num_judging),
       communicator_(options.communicator),
       model_(*model),
-      data_(*data),
-      first_samples_(FirstSamples(data->train)) {}
+      data_(*data) {}
 
 double RacedEngine::Judge(const Eigen::VectorXd& weights,
                           const DataSet& samples) {
@@ -52,14 +57,20 @@ Eigen::VectorXd RacedEngine::Finished(const Eigen::VectorXd& weights) {
   const Eigen::VectorXd& last = is_first ? weights : lanes_[0].of_rule.weights;
   const WeightMeans& means = is_first ? means_ : lanes_[0].means;
   const Eigen::VectorXd* lowest = &last;
-  double loss = Judge(last, first_samples_);
-  // Without a finite loss the run has diverged, and no mean shall hide it.
-  if (means.has_means() && std::isfinite(loss)) {
+  if (means.has_means()) {
+    const DataSet samples = EvenlySpaced(data_.train, kMaxNumChoosing);
+    double loss = Judge(last, samples);
+    // A run whose last weights have no finite loss has diverged.
     for (const Eigen::VectorXd& mean : means.means()) {
-      const double of_mean = Judge(mean, first_samples_);
-      if (of_mean >= loss) continue;
+      const double of_mean = Judge(mean, samples);
+      if (!std::isfinite(loss) || of_mean >= loss) continue;
       lowest = &mean;
       loss = of_mean;
+    }
+    // The other samples may not have a finite loss at a mean.
+    if (lowest != &last && samples.num_samples() < data_.train.num_samples() &&
+        !std::isfinite(Judge(*lowest, data_.train))) {
+      lowest = &last;
     }
   }
   return engine_->Finished(*lowest);
@@ -75,9 +86,10 @@ void RacedEngine::Load(const Lane& lane, Eigen::VectorXd* weights) {
 }
 
 void RacedEngine::Lane::VisitState(const std::string& name,
+                                   Eigen::Index num_weights,
                                    StateArchive* archive) {
   of_rule.VisitState(name, archive);
-  means.VisitState(name + "_", archive);
+  means.VisitState(name + "_", num_weights, archive);
 }
 
 Engine::StepResult RacedEngine::Step(double progress,
@@ -124,6 +136,7 @@ void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
   const int winner = race_.End(losses);
   Load(winner < 0 ? start_ : lanes_[winner], weights);
   lanes_.clear();
+  start_ = Lane();
 }
 
 std::unique_ptr<Engine> MakeRacedEngine(
@@ -164,15 +177,16 @@ void RacedEngine::VisitState(StateArchive* archive) {
   archive->Visit("num_samples", &num_samples_);
   archive->Require(num_samples_ >= 0.0 && std::isfinite(num_samples_),
                    "num_samples");
-  means_.VisitState("", archive);
+  const Eigen::Index num_weights = model_.num_weights();
+  means_.VisitState("", num_weights, archive);
   if (!race_.is_racing() || !archive->error().empty()) return;
   if (archive->is_reading()) {
     start_ = Save(Eigen::VectorXd());
     lanes_.assign(race_.lane(), start_);
   }
-  start_.VisitState("race", archive);
+  start_.VisitState("race", num_weights, archive);
   for (size_t i = 0; i < lanes_.size(); ++i) {
-    lanes_[i].VisitState(fmt::format("slice_{}", i), archive);
+    lanes_[i].VisitState(fmt::format("slice_{}", i), num_weights, archive);
   }
 }
 

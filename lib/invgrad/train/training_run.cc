@@ -334,10 +334,9 @@ void TrainingRun::Impl::End(ceres::TerminationType type,
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
+  state_.weights = engine().Finished(weights());
   if (type == ceres::FAILURE) {
     summary_.message += TakeBestWeights(history().back().train_loss);
-  } else {
-    state_.weights = engine().Finished(weights());
   }
   summary_.message += TakeBetterWeights();
 }
