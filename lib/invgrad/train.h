@@ -42,7 +42,8 @@
 //          the weights are those of the last step with a finite batch loss or,
 //          if their train loss is higher or not finite, the best that were
 //          evaluated, as the message says. A rule that judges its steps goes
-//          back to these, and goes on with smaller steps.
+//          back to these, and goes on with smaller steps; one that evaluates the
+//          loss at other points (adaptive, geodesic), with other batches.
 //          Consistent sizes are CHECKed.
 #ifndef INVGRAD_TRAIN_H_
 #define INVGRAD_TRAIN_H_

@@ -8,8 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "fmt/core.h"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/option_set.h"
+#include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "invgrad/update_rule.h"
 #include "tests/support/temporary_folder.h"
@@ -40,6 +43,62 @@ class ExplodingRule final : public UpdateRule {
   double value_;
   int step_ = 0;
 };
+
+// The same, by a rule that could evaluate the loss at other points.
+class ExplodingJudge final : public UpdateRule {
+ public:
+  struct Options {
+    int bad_step = 1;
+    void Describe(OptionSet* set) {
+      set->Add("bad_step", &bad_step, {1, 1000000}, "whose loss is not finite");
+    }
+  };
+  explicit ExplodingJudge(const Options& options)
+      : rule_(options.bad_step, 1e200) {}
+  LinearizationParts Needs() const override {
+    LinearizationParts parts = rule_.Needs();
+    parts.after = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override {
+    return rule_.ComputeStep(at_x, step, error);
+  }
+
+ private:
+  ExplodingRule rule_;
+};
+
+// Batches without a finite loss are left out until the next evaluation, which
+// goes back. In a race the bad step may be that of any slice.
+TEST(Trainer, ARuleThatEvaluatesTheLossGoesBackToTheBestWeights) {
+  RegisterRule<ExplodingJudge>("exploding_judge", "step = -gradient / 100");
+  const Regression problem;
+  for (const std::string batches : {"8", "auto"}) {
+    for (int bad_step = 5; bad_step < 60; ++bad_step) {
+      SCOPED_TRACE(fmt::format("batch_size={}, step {}", batches, bad_step));
+      TrainOptions options = Epochs(40, 8);
+      options.initial_weights = problem.weights;
+      const TrainResult result = Train(
+          problem.model,
+          {problem.train, problem.test},
+          fmt::format(
+              "exploding_judge:bad_step={}:batch_size={}", bad_step, batches),
+          options);
+      ASSERT_EQ(result.error, "");
+      EXPECT_EQ(result.summary.termination_type, ceres::NO_CONVERGENCE)
+          << result.summary.message;
+      EXPECT_LT(result.history.back().train_loss,
+                result.history.front().train_loss);
+      EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.train),
+                result.history.back().train_loss);
+      if (batches == "8") {
+        EXPECT_EQ(result.summary.num_undone, 1);
+      }
+    }
+  }
+}
 
 TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
   const Regression problem;

@@ -72,8 +72,8 @@ class Engine {
   //   kNoLoss  the train loss is not finite, or the last step has failed: undoes
   //            the last step, or returns to `best`, the weights of the lowest
   //            train loss that was evaluated (empty: none). Returns false, and
-  //            does nothing, if the rule has no judge or there is nothing to go
-  //            back to.
+  //            does nothing, if the rule neither has a judge nor evaluates the
+  //            loss at other points, or if there is nothing to go back to.
   //   kEnd     the run has diverged, and ends with the last weights with a finite
   //            batch loss.
   virtual bool Undo(UndoReason /*reason*/,

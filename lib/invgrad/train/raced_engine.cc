@@ -76,6 +76,22 @@ Eigen::VectorXd RacedEngine::Finished(const Eigen::VectorXd& weights) {
   return engine_->Finished(*lowest);
 }
 
+bool RacedEngine::Undo(UndoReason reason,
+                       const Eigen::VectorXd& best,
+                       Eigen::VectorXd* weights) {
+  if (reason == UndoReason::kNoLoss && race_.lane() > 0) {
+    // The first slice, which the run reports, is over.
+    Lane& first = lanes_[0];
+    if (best.size() == 0 || first.of_rule.weights == best) return false;
+    first.of_rule.weights = best;
+    first.means = WeightMeans();
+    return true;
+  }
+  if (!engine_->Undo(reason, best, weights)) return false;
+  means_ = WeightMeans();
+  return true;
+}
+
 RacedEngine::Lane RacedEngine::Save(const Eigen::VectorXd& weights) {
   return {engine_->Save(weights), means_};
 }

@@ -43,9 +43,7 @@ class RacedEngine final : public Engine {
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
   bool Undo(UndoReason reason,
             const Eigen::VectorXd& best,
-            Eigen::VectorXd* weights) override {
-    return engine_->Undo(reason, best, weights);
-  }
+            Eigen::VectorXd* weights) override;
   Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override;
   Counts counts() const override;
   void VisitState(StateArchive* archive) override;

@@ -97,14 +97,21 @@ bool RuleEngine::Undo(UndoReason reason,
                       const Eigen::VectorXd& best,
                       Eigen::VectorXd* weights) {
   if (reason == UndoReason::kNoLoss) {
-    if (judge_ == nullptr) return false;
-    if (*weights == ledger_.before() && best.size() > 0) {
+    // A rule that evaluates the loss has judged the step by its batch: another
+    // step back says nothing of the other samples.
+    const bool goes_to_best =
+        judge_ == nullptr ? rule_->Needs().after : *weights == ledger_.before();
+    if (goes_to_best && best.size() > 0) {
       ledger_.SetBefore(best);
+    } else if (judge_ == nullptr) {
+      return false;
     }
     if (ledger_.before().size() == 0 || *weights == ledger_.before()) {
       return false;
     }
-    judge_->KeepsStep(std::numeric_limits<double>::quiet_NaN(), 1.0);
+    if (judge_ != nullptr) {
+      judge_->KeepsStep(std::numeric_limits<double>::quiet_NaN(), 1.0);
+    }
   }
   ledger_.Undo(reason, ledger_.before(), weights);
   return true;

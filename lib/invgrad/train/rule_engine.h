@@ -7,6 +7,8 @@
 // rejects, or after which the next batch has no finite loss. A rule that
 // evaluates the loss at other points (LinearizationParts::after) has judged its
 // steps: a batch without a finite loss is left out, at most a hundred in a row.
+// If the train loss is not finite, it goes back to the best weights that were
+// evaluated.
 //
 // Fails:   if a batch has no finite loss, or the rule has no finite step.
 #ifndef INVGRAD_TRAIN_RULE_ENGINE_H_
