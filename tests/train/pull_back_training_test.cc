@@ -83,9 +83,7 @@ TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
 class NotingRule final : public UpdateRule, public StepJudge {
  public:
   LinearizationParts Needs() const override {
-    LinearizationParts parts;
-    parts.gradient = true;
-    return parts;
+    return LinearizationParts::Gradient();
   }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,

@@ -219,9 +219,7 @@ TEST(WeightMeans, TheNextPhaseBeginsWithTheReportedWeights) {
 class ForNineSteps final : public UpdateRule {
  public:
   LinearizationParts Needs() const override {
-    LinearizationParts parts;
-    parts.gradient = true;
-    return parts;
+    return LinearizationParts::Gradient();
   }
   bool ComputeStep(const Linearization& at_x,
                    VectorXd* step,

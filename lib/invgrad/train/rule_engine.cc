@@ -97,14 +97,13 @@ bool RuleEngine::Undo(UndoReason reason,
                       const Eigen::VectorXd& best,
                       Eigen::VectorXd* weights) {
   if (reason == UndoReason::kNoLoss) {
-    // A rule that evaluates the loss has judged the step by its batch: another
-    // step back says nothing of the other samples.
-    const bool goes_to_best =
-        judge_ == nullptr ? rule_->Needs().after : *weights == ledger_.before();
-    if (goes_to_best && best.size() > 0) {
-      ledger_.SetBefore(best);
-    } else if (judge_ == nullptr) {
+    // Without a judge only a rule that evaluates the loss goes back, to `best`.
+    if (judge_ == nullptr && (best.size() == 0 || !rule_->Needs().after)) {
       return false;
+    }
+    if (best.size() > 0 &&
+        (judge_ == nullptr || *weights == ledger_.before())) {
+      ledger_.SetBefore(best);
     }
     if (ledger_.before().size() == 0 || *weights == ledger_.before()) {
       return false;
