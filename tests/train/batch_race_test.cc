@@ -21,6 +21,8 @@
 namespace invgrad {
 namespace batch_race_test {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 // Steps that cost as much as they have samples.
 BatchRace::Costs Linear() {
   BatchRace::Costs costs;
@@ -83,18 +85,32 @@ TEST(BatchRace, AllSamplesAreTheLargestBatch) {
   EXPECT_EQ(race.batch_size(), 20);
 }
 
-TEST(BatchRace, NoWinnerIfAllSlicesAreWorseThanTheStart) {
+TEST(BatchRace, ASliceWithoutALossLoses) {
   BatchRace race(8, 1000, Linear());
-  while (!(race.IsDue() && race.Begin(1.0))) race.CountStep();
-  EXPECT_EQ(race.End({1.6, 2.0}), -1);
-  EXPECT_EQ(race.batch_size(), 8);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   while (!(race.IsDue() && race.Begin(1.0))) race.CountStep();
   EXPECT_EQ(race.End({kInfinity, 0.5}), 1);
   EXPECT_GE(race.batch_size(), 16);
-  // What is worse than an infinite loss at the start?
-  while (!(race.IsDue() && race.Begin(kInfinity))) race.CountStep();
-  EXPECT_EQ(race.End({kInfinity, kInfinity}), -1);
+}
+
+TEST(BatchRace, GoesBackFromTenTimesTheLowestLoss) {
+  using Verdict = BatchRace::Verdict;
+  BatchRace race(8, 1000, Linear());
+  // There is nothing to go back to.
+  EXPECT_EQ(race.Judge(kInfinity), Verdict::kGoesOn);
+  EXPECT_EQ(race.Judge(2.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Judge(2.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Judge(1.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Judge(10.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.lowest_loss(), 1.0);
+  EXPECT_EQ(race.Report(), "batch size 8");
+  EXPECT_EQ(race.Judge(10.1), Verdict::kGoesBack);
+  EXPECT_EQ(race.Report(), "batch size 8; went back 1 time");
+  EXPECT_EQ(race.Judge(kInfinity), Verdict::kGoesBack);
+  EXPECT_EQ(race.lowest_loss(), 1.0);
+  EXPECT_EQ(race.Report(), "batch size 8; went back 2 times");
+  // Not from a loss of zero to itself.
+  EXPECT_EQ(race.Judge(0.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Judge(0.0), Verdict::kGoesOn);
 }
 
 TEST(BatchRace, LargerBatchesMustFit) {
@@ -158,8 +174,7 @@ int SizeAfter(int num_steps, double fall) {
     losses.push_back(run.Loss(size));
     run = start;
     if (race.BeginNextSlice()) continue;
-    const int winner = race.End(losses);
-    if (winner >= 0) run = slices[winner];
+    run = slices[race.End(losses)];
     slices.clear();
     losses.clear();
   }
@@ -297,6 +312,32 @@ TEST(RacedTraining, AllSamplesInEachStepAreTheRuleAlone) {
             "step");
 }
 
+TEST(RacedTraining, ReportsTheLowestTrainLossThatWasEvaluated) {
+  const Regression problem;
+  int num_kept = 0;
+  for (const std::string method : {"adaptive", "adam:step_size=0.3"}) {
+    TrainOptions options = Epochs(60, 3);
+    Eigen::VectorXd reported;
+    options.on_evaluation = [&](const Eigen::VectorXd& weights,
+                                const std::vector<HistoryRow>& history) {
+      const double loss = history.back().train_loss;
+      EXPECT_EQ(MeanLoss(problem.model, weights, problem.train), loss);
+      EXPECT_EQ(MeanLoss(problem.model, weights, problem.test),
+                history.back().test_loss);
+      if (history.size() > 1) {
+        const double before = history[history.size() - 2].train_loss;
+        EXPECT_LE(loss, before);
+        EXPECT_EQ(loss == before, weights == reported);
+        if (loss == before) ++num_kept;
+      }
+      reported = weights;
+    };
+    const TrainResult result = TrainRaced(method + ":batch_size=auto", options);
+    EXPECT_EQ(result.weights, reported);
+  }
+  EXPECT_GT(num_kept, 5);
+}
+
 TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
   // Whatever step the run ends with, its loss is not that of a losing slice.
   for (long steps = 50; steps < 250; steps += 5) {
@@ -332,6 +373,66 @@ TEST(RacedTraining, ResumesBitForBit) {
       EXPECT_EQ(resumed.summary.message, whole.summary.message);
     }
   }
+}
+
+// A gradient step; but the step `jump` of the process leads far away.
+class Jumping final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* /*error*/) override {
+    *step = -0.01 * at_x.gradient;
+    if (++num_steps == jump) step->setConstant(10.0);
+    return true;
+  }
+  static long num_steps;
+  static long jump;
+};
+long Jumping::num_steps = 0;
+long Jumping::jump = 0;
+
+TEST(RacedTraining, GoesBackToTheLowestLossFromFarAboveIt) {
+  RegisterRule<Jumping>("jumping", "step = -gradient / 100, and one jump");
+  TrainOptions options = Epochs(1000000, 3);
+  options.max_num_steps = 600;
+  const auto train = [&](long jump, const TrainOptions& with) {
+    Jumping::jump = jump;
+    return TrainRaced("jumping:batch_size=auto", with);
+  };
+  const auto went_back = [](const TrainResult& result) {
+    return result.summary.message.find("went back 1 time") != std::string::npos;
+  };
+  Jumping::num_steps = 0;
+  EXPECT_FALSE(went_back(train(0, options)));
+  // Between races, and in the slices of several.
+  int num_back = 0;
+  for (long jump = 60; jump < 180; jump += 7) {
+    SCOPED_TRACE(jump);
+    Jumping::num_steps = 0;
+    const TrainResult whole = train(jump, options);
+    // Else the jump was a losing slice's, or gradients led back in time.
+    if (went_back(whole)) {
+      ++num_back;
+      double before = 0.0;  // the jump
+      for (const HistoryRow& row : whole.history) {
+        if (row.step < jump) before = row.train_loss;
+      }
+      EXPECT_LT(whole.history.back().train_loss, before);
+    }
+    // Interrupted before it goes back.
+    const TemporaryFolder folder;
+    TrainOptions part = options;
+    part.checkpoint_path = folder / "checkpoint";
+    part.max_num_steps = jump;
+    Jumping::num_steps = 0;
+    train(jump, part);
+    part.max_num_steps = options.max_num_steps;
+    ExpectSameRun(train(jump, part), whole);
+  }
+  EXPECT_GT(num_back, 5);
 }
 
 // A gradient step, only for the 6 outputs of 3 samples.

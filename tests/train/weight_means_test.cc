@@ -120,7 +120,9 @@ TrainResult TrainNoisy(const std::string& method, const TrainOptions& options) {
 }
 
 // The weights after each step, up to those of the last one. In a race they may
-// be those of a slice that loses; the first race begins after twelve steps.
+// be those of a slice that loses; the first race begins after twelve steps. A
+// run reports those of an earlier evaluation if they are better; the first one
+// after the start is that of the first epoch, at step eight.
 constexpr long kNumStepsWithoutRace = 12;
 
 std::vector<VectorXd> WeightsAfter(long num_steps, const std::string& method) {

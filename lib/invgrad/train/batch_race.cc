@@ -23,7 +23,7 @@ constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 // Until one is tried again where there is only one size.
 constexpr double kRetry = 1.3;
 constexpr double kNextSmaller = 4.0;
-constexpr double kWorse = 1.5;
+constexpr double kFarAbove = 10.0;
 
 }  // namespace
 
@@ -57,6 +57,16 @@ int BatchRace::Smaller() {
   if (size < first_batch_size_ || work_ < next_smaller_) return 0;
   next_smaller_ = kNextSmaller * work_;
   return size;
+}
+
+BatchRace::Verdict BatchRace::Judge(double loss) {
+  if (!(loss <= kFarAbove * lowest_loss_)) {
+    ++num_returns_;
+    return Verdict::kGoesBack;
+  }
+  if (!(loss < lowest_loss_)) return Verdict::kGoesOn;
+  lowest_loss_ = loss;
+  return Verdict::kIsLowest;
 }
 
 bool BatchRace::Begin(double loss) {
@@ -101,12 +111,8 @@ int BatchRace::End(const std::vector<double>& losses) {
   for (int lane = 1; lane < static_cast<int>(losses.size()); ++lane) {
     if (score(lane) < score(winner)) winner = lane;
   }
-  if (losses[winner] < kWorse * last_loss_) {
-    const int size = sizes_[winner];
-    if (size != path_.back()) path_.push_back(size);
-  } else {
-    winner = -1;
-  }
+  const int size = sizes_[winner];
+  if (size != path_.back()) path_.push_back(size);
   sizes_.clear();
   lane_ = 0;
   next_race_ =
@@ -120,7 +126,13 @@ std::string BatchRace::Report() const {
   if (larger > path_.back() && !costs_.fits(larger, &why)) {
     why = ", no larger: " + why;
   }
-  return fmt::format("batch size {}{}", fmt::join(path_, ", "), why);
+  std::string returns;
+  if (num_returns_ > 0) {
+    returns = fmt::format("; went back {} {}",
+                          num_returns_,
+                          num_returns_ == 1 ? "time" : "times");
+  }
+  return fmt::format("batch size {}{}{}", fmt::join(path_, ", "), why, returns);
 }
 
 void BatchRace::VisitState(StateArchive* archive) {
@@ -138,6 +150,8 @@ void BatchRace::VisitState(StateArchive* archive) {
   archive->Visit("next_race", &next_race_);
   archive->Visit("next_smaller", &next_smaller_);
   archive->Visit("last_loss", &last_loss_);
+  archive->Visit("lowest_loss", &lowest_loss_);
+  archive->Visit("num_returns", &num_returns_);
   visit_sizes("slices", &sizes_);
   archive->Visit("slice", &lane_);
   archive->Require(lane_ < std::max(1, static_cast<int>(sizes_.size())),

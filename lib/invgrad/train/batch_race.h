@@ -27,8 +27,9 @@
 //                    fourfold since the last one was tried
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
 //                    tenth of all work so far, and fit in memory
-//   no winner        if the best slice ends above 1.5 times the loss before the
-//                    race: the run goes back to where the race began
+//   going back       where a race begins or ends with a loss above ten times the
+//                    lowest of earlier ones: the run goes back to the weights and
+//                    the state of the rule that had this
 //   cost             a race begins when earlier ones are a fifth of all work
 //
 // Units:   work is a count of operations, from sizes: the same run repeats bit
@@ -38,6 +39,7 @@
 #define INVGRAD_TRAIN_BATCH_RACE_H_
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -62,6 +64,11 @@ class BatchRace {
   // The slice that runs; 0 is the run as it goes on without a race.
   int lane() const { return lane_; }
 
+  // What the run does where a race begins or ends with `loss`, of new samples.
+  enum class Verdict { kGoesOn, kGoesBack, kIsLowest };
+  Verdict Judge(double loss);
+  double lowest_loss() const { return lowest_loss_; }  // of those judged
+
   // Whether a race may begin before the next step.
   bool IsDue() const { return !is_racing() && work_ >= next_race_; }
   // `loss`: of new samples. Returns false if there is only one size to try.
@@ -72,10 +79,11 @@ class BatchRace {
   // Returns false after the last slice.
   bool BeginNextSlice();
   // The losses of the slices on new samples; infinite for one that failed.
-  // Returns the slice that goes on; -1: none.
+  // Returns the slice that goes on.
   int End(const std::vector<double>& losses);
 
-  // "batch size 32, 128, 512"; and why it cannot grow, if it meets a limit.
+  // "batch size 32, 128, 512"; why it cannot grow, if it meets a limit; and how
+  // often the run went back.
   std::string Report() const;
 
   void VisitState(StateArchive* archive);
@@ -97,6 +105,8 @@ class BatchRace {
   double next_race_ = 0.0;
   double next_smaller_ = 0.0;
   double last_loss_ = 0.0;
+  double lowest_loss_ = std::numeric_limits<double>::infinity();
+  long num_returns_ = 0;
 
   // Of a race.
   std::vector<int> sizes_;

@@ -54,14 +54,18 @@ class Engine {
   };
 
   // has_state: whether VisitState covers the whole state. If not, the run writes
-  // no checkpoint while the engine runs.
-  Engine(long steps_per_epoch, bool has_state)
-      : steps_per_epoch_(steps_per_epoch), has_state_(has_state) {}
+  // no checkpoint while the engine runs. reports_best: whether the run reports
+  // the weights with the lowest train loss that it has evaluated, not the last.
+  Engine(long steps_per_epoch, bool has_state, bool reports_best = false)
+      : steps_per_epoch_(steps_per_epoch),
+        has_state_(has_state),
+        reports_best_(reports_best) {}
   virtual ~Engine() = default;
 
   // With the batch size of the first step.
   long steps_per_epoch() const { return steps_per_epoch_; }
   bool has_state() const { return has_state_; }
+  bool reports_best() const { return reports_best_; }
 
   // Moves the weights by one step. `progress`: the share of the phase's budget
   // that is spent, in [0, 1]. The address of the weights must be the same for
@@ -100,6 +104,7 @@ class Engine {
  private:
   const long steps_per_epoch_;
   const bool has_state_;
+  const bool reports_best_;
 };
 
 // Makes the engine of a phase by `rule` (null if the phase has none): a rule

@@ -37,7 +37,9 @@ RacedEngine::RacedEngine(std::unique_ptr<RuleEngine> engine,
                          const TrainOptions& options,
                          const Model* model,
                          const TrainingData* data)
-    : Engine(engine->steps_per_epoch(), /*has_state=*/true),
+    : Engine(engine->steps_per_epoch(),
+             /*has_state=*/true,
+             /*reports_best=*/true),
       engine_(std::move(engine)),
       race_(std::move(race)),
       num_judging_(num_judging),
@@ -104,16 +106,16 @@ void RacedEngine::Load(const Lane& lane, Eigen::VectorXd* weights) {
 void RacedEngine::Lane::VisitState(const std::string& name,
                                    Eigen::Index num_weights,
                                    StateArchive* archive) {
-  of_rule.VisitState(name, archive);
+  of_rule.VisitState(name, num_weights, archive);
   means.VisitState(name + "_", num_weights, archive);
 }
 
 Engine::StepResult RacedEngine::Step(double progress,
                                      Eigen::VectorXd* weights) {
-  if (race_.IsDue() &&
-      race_.Begin(
-          Judge(*weights, engine_->TakeSamples(num_judging_, *weights)))) {
-    start_ = Save(*weights);
+  if (race_.IsDue()) {
+    const double loss =
+        Judge(*weights, engine_->TakeSamples(num_judging_, *weights));
+    if (race_.Begin(KeepOrGoBack(loss, weights))) start_ = Save(*weights);
   }
   engine_->set_batch_size(race_.batch_size());
   StepResult result = engine_->Step(progress, weights);
@@ -135,6 +137,20 @@ Engine::Counts RacedEngine::counts() const {
   return counts;
 }
 
+double RacedEngine::KeepOrGoBack(double loss, Eigen::VectorXd* weights) {
+  switch (race_.Judge(loss)) {
+    case BatchRace::Verdict::kIsLowest:
+      lowest_ = Save(*weights);
+      return loss;
+    case BatchRace::Verdict::kGoesBack:
+      Load(lowest_, weights);
+      return race_.lowest_loss();
+    case BatchRace::Verdict::kGoesOn:
+      break;
+  }
+  return loss;
+}
+
 void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
   lanes_.push_back(Save(*weights));
   if (has_failed) lanes_.back().of_rule.weights.resize(0);
@@ -150,7 +166,8 @@ void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
                                      : std::numeric_limits<double>::infinity());
   }
   const int winner = race_.End(losses);
-  Load(winner < 0 ? start_ : lanes_[winner], weights);
+  Load(lanes_[winner], weights);
+  KeepOrGoBack(losses[winner], weights);
   lanes_.clear();
   start_ = Lane();
 }
@@ -195,11 +212,16 @@ void RacedEngine::VisitState(StateArchive* archive) {
                    "num_samples");
   const Eigen::Index num_weights = model_.num_weights();
   means_.VisitState("", num_weights, archive);
-  if (!race_.is_racing() || !archive->error().empty()) return;
+  if (!archive->error().empty()) return;
   if (archive->is_reading()) {
-    start_ = Save(Eigen::VectorXd());
+    lowest_ = Save(Eigen::VectorXd());
+    start_ = lowest_;
     lanes_.assign(race_.lane(), start_);
   }
+  if (std::isfinite(race_.lowest_loss())) {
+    lowest_.VisitState("lowest", num_weights, archive);
+  }
+  if (!race_.is_racing()) return;
   start_.VisitState("race", num_weights, archive);
   for (size_t i = 0; i < lanes_.size(); ++i) {
     lanes_[i].VisitState(fmt::format("slice_{}", i), num_weights, archive);

@@ -5,12 +5,12 @@
 // samples from one sequence, so that each is trained on new ones. A slice whose
 // step fails has lost.
 //
-// The run reports its last weights or one of their running means
+// The run reports the weights with the lowest train loss of all its evaluations.
+// An evaluation is that of the last weights or of one of their running means
 // (weight_means.h), whichever has the lowest loss on up to 2,048 samples, evenly
-// spaced in the training data. This choice is a part of an evaluation: four
-// losses more. Steps go on from the last weights, and races compare these. During
-// a race the run reports the first slice, which is the run as it goes on without
-// a race.
+// spaced in the training data: four losses more. Steps go on from the last
+// weights, and races compare these. During a race the run evaluates the first
+// slice, which is the run as it goes on without a race.
 #ifndef INVGRAD_TRAIN_RACED_ENGINE_H_
 #define INVGRAD_TRAIN_RACED_ENGINE_H_
 
@@ -65,6 +65,10 @@ class RacedEngine final : public Engine {
 
   // The loss; infinite if it is not finite.
   double Judge(const Eigen::VectorXd& weights, const DataSet& samples);
+  // Of a run at the begin or the end of a race: keeps the weights and the state
+  // if their loss is the lowest; goes back to those if it is far above it.
+  // Returns the loss after that.
+  double KeepOrGoBack(double loss, Eigen::VectorXd* weights);
   void EndSlice(bool has_failed, Eigen::VectorXd* weights);
 
   const std::unique_ptr<RuleEngine> engine_;
@@ -76,6 +80,7 @@ class RacedEngine final : public Engine {
 
   double num_samples_ = 0.0;  // of all steps
   WeightMeans means_;
+  Lane lowest_;  // where a race began or ended with the lowest loss
   // Of a race: its start, and the slices that are over; one that has failed has
   // no weights.
   Lane start_;

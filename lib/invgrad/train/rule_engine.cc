@@ -186,9 +186,12 @@ void RuleEngine::Load(const Lane& lane, Eigen::VectorXd* weights) {
 }
 
 void RuleEngine::Lane::VisitState(const std::string& name,
+                                  Eigen::Index num_weights,
                                   StateArchive* archive) {
   archive->Visit(name + "_weights", &weights);
-  archive->Require(weights.allFinite(), name + "_weights");
+  archive->Require((weights.size() == 0 || weights.size() == num_weights) &&
+                       weights.allFinite(),
+                   name + "_weights");
   for (size_t i = 0; i < arrays.size(); ++i) {
     archive->Visit(fmt::format("{}_array_{}", name, i), &arrays[i]);
   }

@@ -62,7 +62,9 @@ class RuleEngine final : public Engine {
     Eigen::VectorXd weights;
     std::vector<Eigen::VectorXd> arrays;
 
-    void VisitState(const std::string& name, StateArchive* archive);
+    void VisitState(const std::string& name,
+                    Eigen::Index num_weights,
+                    StateArchive* archive);
   };
   Lane Save(const Eigen::VectorXd& weights);
   void Load(const Lane& lane, Eigen::VectorXd* weights);

@@ -90,7 +90,7 @@ void TrainingRun::Impl::BeginNextPhase() {
   if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
   const int next = next_phase();
   if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
-  state_.weights = engine().Finished(weights());
+  state_.weights = Reported();
   TakeBetterWeights();
   state_.first_epoch = epoch();
   state_.first_step = state_.step;
@@ -116,7 +116,7 @@ bool TrainingRun::Impl::HandOver() {
   state_.loss_set_aside = history().back().train_loss;
   state_.set_aside.resize(0);
   if (std::isfinite(state_.loss_set_aside)) {
-    state_.set_aside = engine().Finished(weights());
+    state_.set_aside = Reported();
   }
   state_.weights = state_.first_weights;
   ++state_.phase;
@@ -303,6 +303,10 @@ void TrainingRun::Impl::Evaluate() {
     finished = engine().Finished(weights());
     row.train_loss = mean_loss(finished, data_.train);
   }
+  if (engine().reports_best() && state_.best_train_loss < row.train_loss) {
+    finished = state_.best_weights;
+    row.train_loss = state_.best_train_loss;
+  }
   if (has_test_data) row.test_loss = mean_loss(finished, data_.test);
   if (options_.metric) row.metric = options_.metric(finished);
   const PullBackCounts* pull_backs = engine().counts().pull_backs;
@@ -321,6 +325,12 @@ void TrainingRun::Impl::Evaluate() {
   if (options_.on_evaluation) options_.on_evaluation(finished, history());
 }
 
+Eigen::VectorXd TrainingRun::Impl::Reported() {
+  const bool reports_best =
+      engine().reports_best() && state_.best_weights.size() > 0;
+  return reports_best ? state_.best_weights : engine().Finished(weights());
+}
+
 void TrainingRun::Impl::End(ceres::TerminationType type,
                             const std::string& message) {
   engine().Finish();  // sets the final weights of a minimizer of Ceres
@@ -334,7 +344,7 @@ void TrainingRun::Impl::End(ceres::TerminationType type,
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
-  state_.weights = engine().Finished(weights());
+  state_.weights = Reported();
   if (type == ceres::FAILURE) {
     summary_.message += TakeBestWeights(history().back().train_loss);
   }

@@ -128,6 +128,8 @@ class TrainingRun::Impl {
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
+  // The weights of the last row of the history, which is of the present step.
+  Eigen::VectorXd Reported();
   // Adds the calls of this rank since the last time, of all ranks.
   void AddCalls();
   // Evaluates the losses. If the train loss is not finite, ends the run as
