@@ -96,21 +96,26 @@ TEST(BatchRace, GoesBackFromTenTimesTheLowestLoss) {
   using Verdict = BatchRace::Verdict;
   BatchRace race(8, 1000, Linear());
   // There is nothing to go back to.
-  EXPECT_EQ(race.Judge(kInfinity), Verdict::kGoesOn);
-  EXPECT_EQ(race.Judge(2.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Judge(2.0), Verdict::kGoesOn);
-  EXPECT_EQ(race.Judge(1.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Judge(10.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(kInfinity), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(2.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(2.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(1.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(10.0), Verdict::kGoesOn);
   EXPECT_EQ(race.lowest_loss(), 1.0);
   EXPECT_EQ(race.Report(), "batch size 8");
-  EXPECT_EQ(race.Judge(10.1), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(10.1), Verdict::kGoesBack);
   EXPECT_EQ(race.Report(), "batch size 8; went back 1 time");
-  EXPECT_EQ(race.Judge(kInfinity), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(kInfinity), Verdict::kGoesBack);
   EXPECT_EQ(race.lowest_loss(), 1.0);
   EXPECT_EQ(race.Report(), "batch size 8; went back 2 times");
   // Not from a loss of zero to itself.
-  EXPECT_EQ(race.Judge(0.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Judge(0.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(0.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(0.0), Verdict::kGoesOn);
+  // A loss may be negative.
+  EXPECT_EQ(race.Decide(-2.0), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(-1.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(15.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(17.0), Verdict::kGoesBack);
 }
 
 TEST(BatchRace, LargerBatchesMustFit) {

@@ -23,7 +23,8 @@ constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 // Until one is tried again where there is only one size.
 constexpr double kRetry = 1.3;
 constexpr double kNextSmaller = 4.0;
-constexpr double kFarAbove = 10.0;
+// Above the lowest loss, in its sizes.
+constexpr double kFarAbove = 9.0;
 
 }  // namespace
 
@@ -59,19 +60,21 @@ int BatchRace::Smaller() {
   return size;
 }
 
-BatchRace::Verdict BatchRace::Judge(double loss) {
-  if (!(loss <= kFarAbove * lowest_loss_)) {
-    ++num_returns_;
-    return Verdict::kGoesBack;
+BatchRace::Verdict BatchRace::Decide(double loss) {
+  if (loss < lowest_loss_) {
+    lowest_loss_ = loss;
+    return Verdict::kIsLowest;
   }
-  if (!(loss < lowest_loss_)) return Verdict::kGoesOn;
-  lowest_loss_ = loss;
-  return Verdict::kIsLowest;
+  if (loss <= lowest_loss_ + kFarAbove * std::abs(lowest_loss_)) {
+    return Verdict::kGoesOn;
+  }
+  ++num_returns_;
+  return Verdict::kGoesBack;
 }
 
 bool BatchRace::Begin(double loss) {
   begin_ = work_;
-  fall_ = std::max(1.0, last_loss_ / loss);
+  fall_ = loss > 0.0 ? std::max(1.0, last_loss_ / loss) : 1.0;
   last_loss_ = loss;
   work_ += costs_.of_judgement;
   std::vector<int> sizes = {path_.back()};

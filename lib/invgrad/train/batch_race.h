@@ -66,8 +66,8 @@ class BatchRace {
 
   // What the run does where a race begins or ends with `loss`, of new samples.
   enum class Verdict { kGoesOn, kGoesBack, kIsLowest };
-  Verdict Judge(double loss);
-  double lowest_loss() const { return lowest_loss_; }  // of those judged
+  Verdict Decide(double loss);
+  double lowest_loss() const { return lowest_loss_; }
 
   // Whether a race may begin before the next step.
   bool IsDue() const { return !is_racing() && work_ >= next_race_; }

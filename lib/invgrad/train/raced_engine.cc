@@ -138,7 +138,7 @@ Engine::Counts RacedEngine::counts() const {
 }
 
 double RacedEngine::KeepOrGoBack(double loss, Eigen::VectorXd* weights) {
-  switch (race_.Judge(loss)) {
+  switch (race_.Decide(loss)) {
     case BatchRace::Verdict::kIsLowest:
       lowest_ = Save(*weights);
       return loss;

@@ -9,7 +9,7 @@
 // the last weights, if any, has to be measured (raced_engine.h).
 //
 // Cost: 3 n operations and n weights for each mean. A race of batch sizes keeps
-//   up to four sets of means.
+//   up to six sets of means.
 // Source: Polyak, Juditsky. Acceleration of stochastic approximation by
 //   averaging. SIAM J. Control Optim. 30, 1992; with exponential weights, which
 //   forget the first steps.
