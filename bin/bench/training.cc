@@ -59,6 +59,22 @@ class OneAtATime final : public Simulator {
                double* x_bar) const override {
     return inner_->Adjoint(x, context, covector, y, x_bar);
   }
+  bool has_weighted_hessian() const override {
+    return inner_->has_weighted_hessian();
+  }
+  bool WeightedHessian(const double* x,
+                       const double* context,
+                       const double* w,
+                       double* hessian) const override {
+    return inner_->WeightedHessian(x, context, w, hessian);
+  }
+  bool is_linear() const override { return inner_->is_linear(); }
+  void InversePower(double kappa,
+                    double tau,
+                    const double* d_y,
+                    double* d_x) const override {
+    inner_->InversePower(kappa, tau, d_y, d_x);
+  }
 
  private:
   std::shared_ptr<const Simulator> inner_;

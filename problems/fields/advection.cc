@@ -27,6 +27,8 @@ Interval Locate(double position, int n, Lattice::Outside outside) {
   if (outside == Lattice::Outside::kPeriodic) {
     if (position < 0.0 || position >= n) {
       position -= n * std::floor(position / n);
+      // Rounding of a large one.
+      if (!(position >= 0.0 && position <= n)) position = 0.0;
     }
   } else {
     // Farther outside the field is constant.

@@ -157,6 +157,26 @@ TEST(Advection, ConvergesWithItsOrder) {
   EXPECT_NEAR(order(Scheme::kMacCormack), 2.0, 0.2);
 }
 
+// Where a displacement is so long that positions are rounded by many cells.
+TEST(Advection, TakesDisplacementsOfAnyLength) {
+  for (const int cols : {5, 8, 20}) {
+    const Lattice lattice{3, cols, Lattice::Outside::kPeriodic};
+    const VectorXd f = NormalVector(3 * cols, 1);
+    for (double length = 1e3; length < 1e300; length *= 7.3) {
+      for (const double sign : {-1.0, 1.0}) {
+        const VectorXd y =
+            AdvectedField(lattice,
+                          Scheme::kSemiLagrangian,
+                          f,
+                          sign * length * NormalVector(6 * cols, 2))
+                .value();
+        EXPECT_GE(y.minCoeff(), f.minCoeff() - 1e-14);
+        EXPECT_LE(y.maxCoeff(), f.maxCoeff() + 1e-14);
+      }
+    }
+  }
+}
+
 TEST(Advection, ValuesThatAreNotFiniteAreNotHidden) {
   const Lattice lattice = {3, 3, Outside::kPeriodic};
   VectorXd d = VectorXd::Zero(18);

@@ -251,6 +251,73 @@ TEST(TorchNetwork, BatchNormalizationCouplesSamples) {
   ExpectNetworkTangentIsDifference(*network, weights, inputs, 1e-5, 1e-7);
 }
 
+// One layer under two names.
+struct Tied : torch::nn::Module {
+  Tied() {
+    register_module("encoder", layer);
+    register_module("decoder", layer);
+    register_module("last", last);
+  }
+  Tensor forward(const Tensor& x) {
+    return last->forward(torch::tanh(layer->forward(layer->forward(x))));
+  }
+  torch::nn::Linear layer{3, 3};
+  torch::nn::Linear last{3, 2};
+};
+
+TEST(TorchNetwork, ASharedLayerIsOneBlockOfWeights) {
+  std::string error;
+  const auto network = Make<Tied>(Options({3}, true), &error);
+  ASSERT_NE(network, nullptr) << error;
+  EXPECT_EQ(network->num_weights(), 12 + 8);
+  const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
+  const MatrixXd inputs = RandomMatrix(3, 4, 2);
+  ExpectNetworkAdjointIdentity(*network, weights, inputs, 1e-12);
+  ExpectNetworkTangentIsDifference(*network, weights, inputs, 1e-5, 1e-7);
+}
+
+// Its outputs are not contiguous.
+struct Transposes : torch::nn::Module {
+  Transposes() { register_module("linear", linear); }
+  Tensor forward(const Tensor& x) {
+    return linear->forward(x).view({-1, 2, 3}).transpose(1, 2);
+  }
+  torch::nn::Linear linear{2, 6};
+};
+
+TEST(TorchNetwork, OutputsNeedNotBeContiguous) {
+  std::string error;
+  const auto network = Make<Transposes>(Options({2}, true), &error);
+  ASSERT_NE(network, nullptr) << error;
+  const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
+  const VectorXd input = RandomMatrix(2, 1, 2);
+  // It is linear: a cost whose target are the outputs at 0 is J x.
+  const TrainedNetworkCost cost(
+      network, weights, network->Outputs(weights, VectorXd::Zero(2)));
+  VectorXd residuals(6);
+  Eigen::Matrix<double, 6, 2, Eigen::RowMajor> jacobian;
+  const double* blocks[] = {input.data()};
+  double* jacobians[] = {jacobian.data()};
+  ASSERT_TRUE(cost.Evaluate(blocks, residuals.data(), jacobians));
+  EXPECT_LT((jacobian * input - residuals).norm(), 1e-14);
+}
+
+TEST(TorchNetwork, IsMadeWhereTheProgramComputesNoGradients) {
+  const torch::NoGradGuard guard;
+  EXPECT_NE(MakeDense(/*double_precision=*/false), nullptr);
+}
+
+struct DropsOut : torch::nn::Module {
+  DropsOut() {
+    register_module("linear", linear);
+    register_module("dropout", dropout);
+  }
+  Tensor forward(const Tensor& x) {
+    return dropout->forward(linear->forward(x));
+  }
+  torch::nn::Linear linear{3, 64};
+  torch::nn::Dropout dropout{0.5};
+};
 struct NoParameters : torch::nn::Module {
   Tensor forward(const Tensor& x) { return x; }
 };
@@ -289,6 +356,9 @@ TEST(TorchNetwork, ModulesThatDoNotFitAreRefusedWithTheReason) {
             "of the shape (2, ...), found ()");
   EXPECT_EQ(Refusal<Detaches>({3}),
             "the output does not depend on the parameters differentiably");
+  EXPECT_EQ(Refusal<DropsOut>({3}),
+            "two forward passes with the same weights differ: call eval(), "
+            "which switches dropout off");
   EXPECT_EQ(Refusal<Dense>({7}).rfind(
                 "the module does not take an input of the shape (2, 7): ", 0),
             0u)

@@ -111,6 +111,9 @@ TEST(UNet, AnyGridThatHasACellOnEachLevelIsAllowed) {
   EXPECT_EQ(MakeUNet(options, &error), nullptr);
   EXPECT_EQ(error,
             "a U-net of 4 levels needs at least 8 cells a side, found 7 x 13");
+  options.levels = 0;
+  EXPECT_EQ(MakeUNet(options, &error), nullptr);
+  EXPECT_EQ(error, "a U-net has 1 to 30 levels, found 0");
 }
 
 // The statement before a run is kept: bytes_per_column is measured with other

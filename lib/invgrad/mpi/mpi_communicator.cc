@@ -105,7 +105,9 @@ class MpiCommunicator final : public Communicator {
   static constexpr int kSmallestShared = 4096;
 
   static std::vector<int> Counts(const std::vector<std::ptrdiff_t>& sizes) {
-    for (const std::ptrdiff_t size : sizes) CHECK_LE(size, kLargestMessage);
+    for (const std::ptrdiff_t size : sizes) {
+      CHECK_LE(size, std::numeric_limits<int>::max());
+    }
     return {sizes.begin(), sizes.end()};
   }
 

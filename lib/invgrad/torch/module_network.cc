@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 
 #include "ATen/CPUGeneratorImpl.h"
 #include "invgrad/internal/logging.h"
@@ -24,11 +25,15 @@ using torch::Tensor;
 // gaps between tensors. Measured for a U-net on 64 x 64 cells, B = 128: 1.4.
 constexpr double kMemoryOverTensors = 1.5;
 
-// Only these are weights.
+// Only these are weights. A tensor that two layers share has two names.
 std::vector<Tensor> TrainableParameters(const TorchFunction& function) {
   std::vector<Tensor> tensors;
+  std::set<const void*> seen;
   for (const auto& [name, tensor] : function.parameters) {
-    if (tensor.requires_grad()) tensors.push_back(tensor);
+    if (tensor.requires_grad() &&
+        seen.insert(tensor.unsafeGetTensorImpl()).second) {
+      tensors.push_back(tensor);
+    }
   }
   return tensors;
 }
@@ -72,6 +77,11 @@ std::vector<Tensor> ModuleNetwork::Split(const VectorXd& vector) const {
 bool ModuleNetwork::TakeParameters(std::string* error) {
   for (auto* tensors : {&function_.parameters, &function_.buffers}) {
     for (auto& [name, tensor] : *tensors) {
+      if (!tensor.device().is_cpu()) {
+        *error = name + " is on the device " + tensor.device().str() +
+                 ": move the module to the CPU";
+        return false;
+      }
       if (tensor.is_floating_point()) tensor.set_data(tensor.to(type()));
     }
   }

@@ -172,7 +172,7 @@ bool ModuleNetwork::InputJacobian(const VectorXd& weights,
     const Tensor differentiable = ToInput(input).requires_grad_();
     const Tensor output = function_.forward(differentiable);
     *outputs = ToColumns(output).col(0);
-    const Tensor flat = output.view({-1});
+    const Tensor flat = output.reshape({-1});
     jacobian->resize(num_outputs(), num_inputs());
     for (int i = 0; i < num_outputs(); ++i) {
       const std::vector<Tensor> row =

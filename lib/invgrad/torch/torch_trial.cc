@@ -26,9 +26,11 @@ bool TryForward(const TorchFunction& function,
   for (const auto& [name, buffer] : function.buffers) {
     before.push_back(buffer.clone());
   }
-  Tensor output;
+  const torch::AutoGradMode mode(true);
+  Tensor output, again;
   try {
     output = function.forward(input);
+    again = function.forward(input);
   } catch (const std::exception& exception) {
     *error =
         "the module does not take " + takes + ": " + TorchMessage(exception);
@@ -53,6 +55,13 @@ bool TryForward(const TorchFunction& function,
     *error = std::string("the module must return values of the type ") +
              torch::toString(input.scalar_type()) + ", found " +
              torch::toString(output.scalar_type());
+    return false;
+  }
+  if (!torch::allclose(
+          output, again, /*rtol=*/1e-4, /*atol=*/0.0, /*equal_nan=*/true)) {
+    *error =
+        "two forward passes with the same weights differ: call eval(), which "
+        "switches dropout off";
     return false;
   }
   if (!output.requires_grad()) {

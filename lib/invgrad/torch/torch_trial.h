@@ -14,8 +14,8 @@ namespace invgrad {
 std::string ShapeText(const std::vector<int64_t>& shape);
 
 // Finds the shape of a sample's output. Returns false, with *error, if the
-// function throws, changes a buffer, or returns a tensor of another batch size
-// or type, or one that does not depend on the parameters.
+// function throws, changes a buffer, is random, or returns a tensor of another
+// batch size or type, or one that does not depend on the parameters.
 bool TryForward(const TorchFunction& function,
                 const torch::Tensor& input,
                 std::vector<int64_t>* output_shape,

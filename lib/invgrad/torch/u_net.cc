@@ -90,6 +90,11 @@ TorchFunction MakeUNetFunction(const UNetOptions& options) {
 
 std::shared_ptr<const Network> MakeUNet(const UNetOptions& options,
                                         std::string* error) {
+  if (options.levels < 1 || options.levels > 30) {
+    *error =
+        "a U-net has 1 to 30 levels, found " + std::to_string(options.levels);
+    return nullptr;
+  }
   const int smallest = 1 << (options.levels - 1);
   if (std::min(options.rows, options.cols) < smallest) {
     *error = "a U-net of " + std::to_string(options.levels) +
