@@ -10,6 +10,7 @@
 #include "fmt/core.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/union_find.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/small_covariance.h"
 #include "invgrad/jacobian_operator.h"
@@ -54,22 +55,6 @@ bool CheckMemory(const SparseMatrix& J, std::string* error) {
                       0.0,
                       error);
 }
-
-// Disjoint sets, merged by path-halving union-find.
-class UnionFind {
- public:
-  explicit UnionFind(std::size_t size) : parents_(size) {
-    std::iota(parents_.begin(), parents_.end(), 0);
-  }
-  int Find(int i) {
-    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
-    return i;
-  }
-  void Join(int i, int j) { parents_[Find(i)] = Find(j); }
-
- private:
-  std::vector<int> parents_;
-};
 
 // The component of each tangent direction of a block, or -1.
 std::vector<int> Components(const ceres::Manifold* manifold,

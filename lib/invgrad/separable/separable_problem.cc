@@ -10,6 +10,7 @@
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/union_find.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/separable.h"
 #include "invgrad/separable/affine_check.h"
@@ -95,26 +96,19 @@ class SeparableProblem::Builder {
   // others; in the order of their first ones.
   std::vector<std::vector<int>> FindComponents() const {
     const int count = static_cast<int>(structure_.residual_blocks.size());
-    std::vector<int> parent(count);
-    std::iota(parent.begin(), parent.end(), 0);
-    const auto root = [&parent](int i) {
-      while (parent[i] != i) i = parent[i] = parent[parent[i]];
-      return i;
-    };
+    UnionFind sets(structure_.residual_blocks.size());
     std::unordered_map<const double*, int> first;
     std::vector<bool> has_linear(count, false);
     for (int i = 0; i < count; ++i) {
       for (double* values : Arguments(i)) {
         if (is_linear_.count(values) == 0) continue;
         has_linear[i] = true;
-        const int a = root(first.try_emplace(values, i).first->second);
-        const int b = root(i);
-        parent[std::max(a, b)] = std::min(a, b);
+        sets.Join(first.try_emplace(values, i).first->second, i);
       }
     }
     std::vector<std::vector<int>> members(count);
     for (int i = 0; i < count; ++i) {
-      if (has_linear[i]) members[root(i)].push_back(i);
+      if (has_linear[i]) members[sets.Find(i)].push_back(i);
     }
     members.erase(std::remove_if(members.begin(),
                                  members.end(),
