@@ -87,6 +87,10 @@ class Covariance {
     Eigen::VectorXd omitted_variances;
     Eigen::MatrixXd plus_jacobian;  // P; empty: the identity
   };
+    // The directions whose derivatives count as 0, if some of these are
+    // rounding errors (rank_report.h). The rest of C is that for constants in
+    // their place.
+    std::vector<int> rounding;
 
   // (a, b) may be read as (b, a). Zero for a constant block.
   Eigen::MatrixXd TangentBlock(const double* a, const double* b) const;

@@ -16,7 +16,9 @@
 // so that the result does not depend on the units of the parameters. Columns of
 // zeros are reported first: no residual depends on these parameters. So are
 // columns of rounding errors, which are 1e-13 of another one of their block, as
-// is their effect |J e_i| |x_i|.
+// is their effect |J e_i| |x_i|, and each entry of another one of its row.
+// Where all values of a block are zero, none of its columns is. Directions that
+// are no component, such as rotations, are judged by |J e_i| alone.
 //
 // A column that holds nothing but noise of measured derivatives is scaled to
 // length one, too. Where parameters of a block have one unit and one coordinate

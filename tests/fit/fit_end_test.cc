@@ -135,5 +135,27 @@ TEST(FitEnd, EqualRatesAreNamed) {
       << fits[0].StatusText();
 }
 
+// x_0 + t (x_1 + t (x_2 + t x_3)), with t in seconds of a day.
+struct Cubic {
+  template <typename T>
+  bool operator()(int i, const T* x, T* residual) const {
+    const double t = 864.0 * i;
+    *residual = x[0] + t * (x[1] + t * (x[2] + t * x[3])) - 1.0;
+    return true;
+  }
+};
+
+TEST(FitEnd, AZeroDoesNotMakeAParameterUndetermined) {
+  FitOptions options;
+  options.max_num_iterations = 0;
+  for (const double x_1 : {0.0, 1e-5}) {
+    FitResult<4> fit;
+    fit.x << 0.0, x_1, 0.0, 0.0;
+    FitStreaming(options, 100, Cubic(), &fit);
+    EXPECT_EQ(fit.rank, 4);
+    EXPECT_EQ(fit.undetermined.maxCoeff(), 0.0);
+  }
+}
+
 }  // namespace fit_end_test
 }  // namespace invgrad

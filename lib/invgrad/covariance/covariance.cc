@@ -138,6 +138,10 @@ class Covariance::Computation {
       block.plus_jacobian = PlusJacobian(problem_, from);
       result_.blocks_.push_back(std::move(block));
     }
+    for (const RankReport::Unused& unused : report_.unused) {
+      if (!unused.has_rounding) continue;
+      result_.blocks_[unused.block].rounding = unused.tangent;
+    }
   }
 
   // The index of a block; -1: constant.

@@ -35,6 +35,9 @@ Line ParameterLine(const Covariance::Block& block, int tangent) {
   const double share = block.undetermined_shares[tangent];
   if (!std::isfinite(deviation)) {
     line.deviation = "not determined";
+    if (std::count(block.rounding.begin(), block.rounding.end(), tangent) > 0) {
+      line.deviation += " (derivatives are 0 or rounding errors)";
+    }
     return line;
   }
   line.deviation = "+/- " + FormatNumber(deviation, 5);

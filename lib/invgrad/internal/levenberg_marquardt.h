@@ -135,6 +135,8 @@ void DescribeFit(const FitOptions& options,
   RoundingFloor floor;
   for (int i = 0; i < N; ++i) floor.Add(R.col(i).norm(), fit->x[i]);
   for (int i = 0; i < N; ++i) {
+    // A value of zero has no effect to judge by.
+    if (fit->x[i] == 0.0) continue;
     if (floor.IsAbove(R.col(i).norm(), fit->x[i])) R.col(i).setZero();
   }
   fit->rank = ComputeSmallCovariance<N>(

@@ -43,18 +43,21 @@ constexpr double kLeastUndeterminedShare = 1e-12;
 // units have short columns, too, but the effect |J e_i| |x_i| has no unit.
 class RoundingFloor {
  public:
+  static constexpr double kRounding = 1e-13;
+
   void Add(double length, double x) {
     longest_ = std::max(longest_, length);
     largest_effect_ = std::max(largest_effect_, length * std::abs(x));
   }
-  // x: 0 for a direction without a value, such as a rotation.
+  // For a direction without a value, such as a rotation.
+  bool IsAbove(double length) const { return length <= kRounding * longest_; }
+  // Where all values are zero, no effect tells rounding errors from a unit.
   bool IsAbove(double length, double x) const {
-    return length <= kRounding * longest_ &&
+    return IsAbove(length) && largest_effect_ > 0.0 &&
            length * std::abs(x) <= kRounding * largest_effect_;
   }
 
  private:
-  static constexpr double kRounding = 1e-13;
   double longest_ = 0.0;
   double largest_effect_ = 0.0;
 };

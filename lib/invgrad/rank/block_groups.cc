@@ -101,12 +101,32 @@ void DescribeBlocks(const RankReport::Options& options,
       problem.NumParameterBlocks() - static_cast<int>(report->blocks.size());
 }
 
+// The largest absolute value of each row.
+VectorXd RowMaxima(const SparseMatrix& J) {
+  VectorXd maxima = VectorXd::Zero(J.rows());
+  for (Index e = 0; e < J.nonZeros(); ++e) {
+    double& of_row = maxima[J.innerIndexPtr()[e]];
+    of_row = std::max(of_row, std::abs(J.valuePtr()[e]));
+  }
+  return maxima;
+}
+
 // Sets columns of rounding errors to zero, with their lengths.
 void RemoveRounding(const RankReport& report,
                     SparseMatrix* J,
                     VectorXd* lengths,
                     std::vector<bool>* is_rounding) {
   is_rounding->assign(static_cast<std::size_t>(lengths->size()), false);
+  const VectorXd row_maxima = RowMaxima(*J);
+  const auto is_short_in_rows = [&](int column) {
+    for (SparseMatrix::InnerIterator it(*J, column); it; ++it) {
+      const double largest = row_maxima[it.row()];
+      if (std::abs(it.value()) > RoundingFloor::kRounding * largest) {
+        return false;
+      }
+    }
+    return true;
+  };
   for (const RankReport::Block& block : report.blocks) {
     const auto value = [&block](int i) {
       const int component = block.components[i];
@@ -118,7 +138,11 @@ void RemoveRounding(const RankReport& report,
     }
     for (int i = 0; i < block.tangent_size; ++i) {
       double& length = (*lengths)[block.column + i];
-      if (length == 0.0 || !floor.IsAbove(length, value(i))) continue;
+      const bool is_above = block.components[i] < 0
+                                ? floor.IsAbove(length)
+                                : floor.IsAbove(length, value(i)) &&
+                                      is_short_in_rows(block.column + i);
+      if (length == 0.0 || !is_above) continue;
       length = 0.0;
       (*is_rounding)[block.column + i] = true;
     }
