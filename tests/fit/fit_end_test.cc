@@ -1,6 +1,7 @@
 // What a fit says of its end: of a start without a value, of an end that is no
 // minimum, and of parameters that coincide.
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -154,6 +155,33 @@ TEST(FitEnd, AZeroDoesNotMakeAParameterUndetermined) {
     FitStreaming(options, 100, Cubic(), &fit);
     EXPECT_EQ(fit.rank, 4);
     EXPECT_EQ(fit.undetermined.maxCoeff(), 0.0);
+  }
+}
+
+// A cost that no step lowers by much, and no derivative away from the start.
+struct NoDerivative {
+  template <typename T>
+  bool operator()(int i, const T* x, T* residual) const {
+    *residual = 1e3 * (x[0] - 1.0) + (i % 2 == 0 ? 10.0 : -10.0);
+    if (x[0] != start && i == 3) {
+      residual->v[0] = std::numeric_limits<double>::quiet_NaN();
+    }
+    return true;
+  }
+  double start;
+};
+
+// The tolerance for the cost is met, but there is no minimum.
+TEST(FitEnd, AJacobianThatIsNotFiniteEndsTheFitAfterATolerance) {
+  FitOptions options;
+  for (const double radius : {1e-5, 1e-6}) {
+    options.initial_trust_region_radius = radius;
+    FitResult<1> fit;
+    fit.x << 1.01;
+    FitStreaming(options, 10, NoDerivative{1.01}, &fit);
+    EXPECT_EQ(fit.status, FitStatus::kInvalidJacobian) << fit.StatusText();
+    EXPECT_EQ(fit.num_iterations, 1);
+    EXPECT_EQ(fit.x[0], 1.01);
   }
 }
 

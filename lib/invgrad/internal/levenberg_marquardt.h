@@ -212,7 +212,7 @@ class LevenbergMarquardt {
         first_doubt_ = status;
         cost_at_doubt_ = fit_.cost;
       }
-      Decide();
+      if (const std::optional<FitStatus> end = Decide()) return *end;
     }
   }
 
