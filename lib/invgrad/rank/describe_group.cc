@@ -74,20 +74,15 @@ class GroupDescription {
               [](const Parameter& a, const Parameter& b) {
                 return std::tie(a.value, a.row) < std::tie(b.value, b.row);
               });
-    for (std::size_t k = 1; k < parameters.size(); ++k) {
-      constexpr double kEqual = 1e-9;
-      constexpr double kUnseen = 1.0 - 1e-9;
-      const Parameter& a = parameters[k - 1];
-      const Parameter& b = parameters[k];
-      if (!(b.value - a.value <= kEqual * std::abs(a.value))) continue;
-      const double share_a = V.row(a.row).squaredNorm();
-      const double share_b = V.row(b.row).squaredNorm();
-      const double largest_share =
-          0.5 * (share_a + share_b) +
-          std::hypot(0.5 * (share_a - share_b), V.row(a.row).dot(V.row(b.row)));
-      if (largest_share < kUnseen) continue;
+    for (auto a = parameters.begin(); a != parameters.end(); ++a) {
+      // Others of equal value, such as amplitudes, may lie between two rates.
+      const auto b =
+          std::find_if(a + 1, parameters.end(), [&](const Parameter& other) {
+            return !HasEqualValue(*a, other) || IsParallel(V, *a, other);
+          });
+      if (b == parameters.end() || !HasEqualValue(*a, *b)) continue;
       report_.equal_parameters.push_back(
-          {{a.block, b.block}, {a.tangent, b.tangent}, a.value});
+          {{a->block, b->block}, {a->tangent, b->tangent}, a->value});
     }
   }
 
@@ -108,20 +103,43 @@ class GroupDescription {
     int row = 0;  // of V
     int block = 0;
     int tangent = 0;
+    double share = 0.0;  // |V^T e_row|^2
   };
 
-  // Those that V moves, except zeros and tangent directions without a value.
+  // a.value <= b.value
+  static bool HasEqualValue(const Parameter& a, const Parameter& b) {
+    constexpr double kEqual = 1e-9;
+    return b.value - a.value <= kEqual * std::abs(a.value);
+  }
+
+  // Whether V spans a vector of the two parameters alone.
+  static bool IsParallel(const MatrixXd& V,
+                         const Parameter& a,
+                         const Parameter& b) {
+    constexpr double kUnseen = 1.0 - 1e-9;
+    const double sum = a.share + b.share;
+    if (sum < kUnseen) return false;
+    const double largest_share =
+        0.5 * sum +
+        std::hypot(0.5 * (a.share - b.share), V.row(a.row).dot(V.row(b.row)));
+    return largest_share >= kUnseen;
+  }
+
+  // Those that V moves by more than a small share, except zeros and tangent
+  // directions without a value. There are a few for each column of V.
   std::vector<Parameter> ParametersOf(const MatrixXd& V) const {
+    constexpr double kLeastShare = 1e-3;
     std::vector<Parameter> parameters;
     for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
       const RankReport::Block& block = report_.blocks[group_.blocks[b]];
       for (int i = group_.offsets[b]; i < group_.offsets[b + 1]; ++i) {
         const int tangent = group_.columns[i] - block.column;
         const int component = block.components[tangent];
-        if (component < 0 || V.row(i).norm() <= kNoPart) continue;
+        const double share = V.row(i).squaredNorm();
+        if (component < 0 || share < kLeastShare) continue;
         const double value = block.values[component];
         if (value == 0.0) continue;
-        parameters.push_back({value, i, group_.blocks[b], tangent});
+        parameters.push_back({value, i, group_.blocks[b], tangent, share});
       }
     }
     return parameters;
