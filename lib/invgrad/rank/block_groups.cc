@@ -56,6 +56,26 @@ bool CheckMemory(const SparseMatrix& J, std::string* error) {
                       error);
 }
 
+// Whether Plus moves the component i alone, by the length of the step along
+// tangent direction j: to one side at least, as an angle may wrap around.
+bool MovesComponent(const ceres::Manifold& manifold,
+                    const double* values,
+                    int i,
+                    int j) {
+  const Eigen::Map<const VectorXd> x(values, manifold.AmbientSize());
+  constexpr double kSame = 1e-9;
+  constexpr std::array<double, 2> kSides = {0.1, -0.1};
+  return std::any_of(kSides.begin(), kSides.end(), [&](double h) {
+    const VectorXd step = h * VectorXd::Unit(manifold.TangentSize(), j);
+    const VectorXd expected = x + h * VectorXd::Unit(x.size(), i);
+    VectorXd moved(x.size());
+    return manifold.Plus(values, step.data(), moved.data()) &&
+           ((moved - expected).array().abs() <=
+            kSame * (x.array().abs() + std::abs(h)))
+               .all();
+  });
+}
+
 // The component of each tangent direction of a block, or -1.
 std::vector<int> Components(const ceres::Manifold* manifold,
                             const double* values,
@@ -69,7 +89,8 @@ std::vector<int> Components(const ceres::Manifold* manifold,
     for (int j = 0; j < tangent_size; ++j) {
       Index i = 0;
       const double largest = P.col(j).cwiseAbs().maxCoeff(&i);
-      if (P(i, j) == 1.0 && largest == P.col(j).cwiseAbs().sum()) {
+      if (P(i, j) == 1.0 && largest == P.col(j).cwiseAbs().sum() &&
+          MovesComponent(*manifold, values, static_cast<int>(i), j)) {
         components[j] = static_cast<int>(i);
       }
     }
