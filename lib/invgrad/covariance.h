@@ -33,8 +33,9 @@
 // Units:   of the parameters. With use_residual_variance, C is multiplied by
 //          2 L / (m - rank), the estimated variance of a residual.
 // Cost:    one linearization, and for each group of coupled blocks one SVD or
-//          one sparse decomposition (pseudo_inverse.h). A group with more than
-//          rank.max_dense_size parameters never has an n x n matrix.
+//          one sparse decomposition (pseudo_inverse.h), as rank.max_dense_size
+//          says. A group of the second kind never has an n x n matrix, and the
+//          accuracy of a decomposition of A^T A.
 // Fails:   ComputeCovariance returns false, with a message, as
 //          ComputeRankReport and SparsePseudoInverse do. CHECKs that the
 //          problem has the blocks, and that a block that is read was computed.
@@ -78,7 +79,7 @@ class Covariance {
     Eigen::VectorXd undetermined_shares;
     Eigen::VectorXd standard_deviations;
     // How much the threshold of the rank matters. NaN, which is not known, in
-    // groups with more than rank.max_dense_size parameters.
+    // groups that are not dense (rank.max_dense_size).
     // The part of the variance that comes from directions with
     // threshold < s / s_max <= weak_threshold (rank_report.h).
     Eigen::VectorXd weak_variances;
@@ -86,11 +87,11 @@ class Covariance {
     // determined parameter, if they counted as determined.
     Eigen::VectorXd omitted_variances;
     Eigen::MatrixXd plus_jacobian;  // P; empty: the identity
-  };
     // The directions whose derivatives count as 0, if some of these are
     // rounding errors (rank_report.h). The rest of C is that for constants in
     // their place.
     std::vector<int> rounding;
+  };
 
   // (a, b) may be read as (b, a). Zero for a constant block.
   Eigen::MatrixXd TangentBlock(const double* a, const double* b) const;

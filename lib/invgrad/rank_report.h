@@ -30,9 +30,9 @@
 // the rest. For every group of blocks that residuals couple, the report
 // suggests parameters to hold constant.
 //
-// Cost:    one decomposition per group: QR and SVD up to max_dense_size
-//          parameters, a sparse Cholesky decomposition and subspace iteration
-//          for larger groups (smallest_singular.h).
+// Cost:    one decomposition per group: QR and SVD if it is dense
+//          (max_dense_size), otherwise a sparse Cholesky decomposition and
+//          subspace iteration (smallest_singular.h).
 // Fails:   returns false, with a message, if an option is out of range, a cost
 //          function fails or is not finite (the message names its residual
 //          block), memory does not suffice or a decomposition fails.
@@ -141,9 +141,11 @@ struct RankReport {
   struct Options {
     double threshold = 1e-7;       // in (1e-12, 1)
     double weak_threshold = 1e-4;  // in [threshold, 1)
-    // The approximate number of directions to search for in a group with more
-    // than max_dense_size parameters.
+    // The approximate number of directions to search for in a group that is not
+    // dense.
     int max_directions = 100;
+    // A group is dense if it has up to so many parameters, and up to 4e7 rows x
+    // parameters (320 MB).
     int max_dense_size = 1000;
     // Applies the robust losses to r and J, as the solver does.
     bool apply_loss_function = true;
