@@ -145,9 +145,13 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
                                 options_.apply_loss_function,
                                 needs_jacobian ? &plus_jacobians : nullptr);
   for (const ResidualBlock& block : structure_.residual_blocks) {
+    double& scale = *residual_scale++;
+    if (options_.leave_out_fixed && block.row_length == 0) {
+      if (needs_residuals) r.segment(block.row, block.size).setZero();
+      continue;
+    }
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
-    double& scale = *residual_scale++;
     if (needs_jacobian) scale = evaluation.residual_scale();
     if (needs_residuals) evaluation.WriteResiduals(scale, r.data() + block.row);
     if (!needs_jacobian) continue;

@@ -58,6 +58,9 @@ class ProblemLinearizer final : public Objective {
     // It is called before every evaluation. Leave it null inside ceres::Solve,
     // which calls the callback itself. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
+    // Residual blocks whose parameter blocks are all constant: no cost, and
+    // r = 0. Ceres leaves their cost out of all decisions.
+    bool leave_out_fixed = false;
   };
 
   // Reads the problem's structure once; later changes of blocks, manifolds and

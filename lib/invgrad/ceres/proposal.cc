@@ -146,7 +146,6 @@ bool Proposal::Linearize(Linearization* at_x, std::string* message) {
   }
   work_.CountLinearization();
   if (!linearizer_.Linearize(parts_, at_x, message)) return false;
-  // Both contain the fixed cost of residual blocks that cannot change.
   is_another_state_ = !AreEqual(at_x->cost, cost_);
   return !is_another_state_;
 }

@@ -48,8 +48,8 @@ class Proposal {
            ProblemLinearizer* linearizer,
            WorkLimit* work);
 
-  // The problem must be at `state`, where Ceres computed `cost`. Return false,
-  // with *message, if there is no step, or no candidate.
+  // The problem must be at `state`, where the cost without the fixed cost is
+  // `cost`. Return false, with *message, if there is no step, or no candidate.
   bool ComputeStep(double cost,
                    const Eigen::VectorXd& state,
                    std::string* message);

@@ -13,20 +13,24 @@
 namespace invgrad {
 namespace {
 
-// The cost of the residual blocks that nothing can change. Ceres leaves it out
-// of the cost to which it applies the function tolerance.
-double FixedCost(const ceres::Problem& problem,
-                 const ProblemStructure& structure) {
+// The residual blocks that a solve can change; `copy` has those of `structure`.
+ceres::Problem::EvaluateOptions VariableBlocks(
+    const ceres::Problem& copy, const ProblemStructure& structure) {
   std::vector<ceres::ResidualBlockId> ids;
-  problem.GetResidualBlocks(&ids);
-  double sum = 0.0;
+  copy.GetResidualBlocks(&ids);
+  ceres::Problem::EvaluateOptions options;
   for (const auto& block : structure.residual_blocks) {
-    double cost = 0.0;
-    if (block.row_length == 0 &&
-        problem.EvaluateResidualBlock(
-            ids[block.index], true, &cost, nullptr, nullptr)) {
-      sum += cost;
+    if (block.row_length > 0) {
+      options.residual_blocks.push_back(ids[block.index]);
     }
+  }
+  return options;
+}
+
+int NumVariableResiduals(const ProblemStructure& structure) {
+  int sum = 0;
+  for (const auto& block : structure.residual_blocks) {
+    if (block.row_length > 0) sum += block.size;
   }
   return sum;
 }
@@ -54,8 +58,7 @@ Safeguard::Safeguard(bool compares,
       evaluation_callback_(evaluation_callback),
       problem_(*problem),
       linearizer_(*linearizer),
-      work_(*work),
-      fixed_cost_(FixedCost(*problem, linearizer->structure())) {}
+      work_(*work) {}
 
 void Safeguard::Observe(const ceres::IterationSummary& iteration,
                         const Eigen::VectorXd& state,
@@ -79,11 +82,10 @@ void Safeguard::Observe(const ceres::IterationSummary& iteration,
   }
   bool settles = false;
   if (iteration.iteration == 0 || iteration.step_is_successful) {
-    const double cost = iteration.cost - fixed_cost_;
     settles = iteration.iteration > 0 &&
-              gradient_max_norm_ * cost >
+              gradient_max_norm_ * iteration.cost >
                   kSettles * iteration.gradient_max_norm * cost_;
-    cost_ = cost;
+    cost_ = iteration.cost;
     is_at_start_ = iteration.iteration == 0;
     norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
@@ -125,11 +127,8 @@ bool Safeguard::MeetsStepTolerance(
       !is_at_start_ &&
       iteration.step_norm <=
           options_.parameter_tolerance * (norm_ + options_.parameter_tolerance);
-  const double least_change =
-      std::max(options_.function_tolerance * cost_,
-               // Below it, the difference cost_ is rounding error.
-               std::numeric_limits<double>::epsilon() * fixed_cost_);
-  return is_short || std::abs(iteration.cost_change) <= least_change;
+  return is_short ||
+         std::abs(iteration.cost_change) <= options_.function_tolerance * cost_;
 }
 
 bool Safeguard::Doubts() {
@@ -151,7 +150,7 @@ double Safeguard::PredictedDecrease() const {
   const ProblemStructure& structure = linearizer_.structure();
   const int n = structure.num_parameters;
   if (has_bounds_ || n == 0 || n > kMaxNumParameters ||
-      structure.num_residuals <= n) {
+      NumVariableResiduals(structure) <= n) {
     return 0.0;
   }
   Linearization at_x;
@@ -162,7 +161,7 @@ double Safeguard::PredictedDecrease() const {
   Eigen::MatrixXd J;
   at_x.jacobian->ToDense(&J);
   Eigen::VectorXd r = at_x.loss_gradient;
-  const double squared_norm = r.squaredNorm() - 2.0 * fixed_cost_;
+  const double squared_norm = r.squaredNorm();
   if (!(squared_norm > 0.0)) return 0.0;
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(J);
   const Eigen::MatrixXd R = qr.matrixQR().topRows(n);
@@ -206,8 +205,8 @@ bool Safeguard::IsFlat(const ceres::IterationSummary& iteration) const {
 }
 
 bool Safeguard::IsPlainBetter() const {
-  return plain_.has_value() && plain_->cost - fixed_cost_ <
-                                   (1.0 - options_.function_tolerance) * cost_;
+  return plain_.has_value() &&
+         plain_->cost < (1.0 - options_.function_tolerance) * cost_;
 }
 
 void Safeguard::Compare() {
@@ -224,13 +223,17 @@ void Safeguard::Compare() {
   ceres::Solve(options, &copy, &summary);
   // final_cost may be that of a rejected step, which is not the state.
   double final_cost = std::numeric_limits<double>::infinity();
-  copy.Evaluate({}, &final_cost, nullptr, nullptr, nullptr);
+  copy.Evaluate(VariableBlocks(copy, linearizer_.structure()),
+                &final_cost,
+                nullptr,
+                nullptr,
+                nullptr);
   // Without their evaluation callback, cost functions return the values of
   // another state.
   constexpr double kCostTolerance = 1e-9;
-  if (std::abs(summary.initial_cost - start_cost_) >
-          kCostTolerance * std::abs(start_cost_) ||
-      !(final_cost < summary.initial_cost)) {
+  if (std::abs(summary.initial_cost - summary.fixed_cost - start_cost_) >
+          kCostTolerance * std::abs(summary.initial_cost) ||
+      !(final_cost < start_cost_)) {
     message_ =
         "no comparison: the solve without proposals does not decrease the cost "
         "(do the cost functions need an evaluation callback? Then set "

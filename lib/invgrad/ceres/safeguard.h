@@ -57,7 +57,7 @@ class Safeguard {
 
   // The result of the plain solve.
   struct Plain {
-    double cost = 0.0;
+    double cost = 0.0;  // without the fixed cost
     int num_iterations = 0;
     int num_limited_steps = 0;  // UpdateCallback::Summary
     bool has_converged = false;
@@ -75,8 +75,9 @@ class Safeguard {
             ProblemLinearizer* linearizer,
             WorkLimit* work);
 
-  // Call after each iteration, in order, the 0th included. `state`: of the
-  // blocks. `is_own`: the step, if any, was computed by Ceres.
+  // Call after each iteration, in order, the 0th included. The iteration's cost
+  // is that without the fixed cost. `state`: of the blocks. `is_own`: the step,
+  // if any, was computed by Ceres.
   void Observe(const ceres::IterationSummary& iteration,
                const Eigen::VectorXd& state,
                bool is_own);
@@ -111,10 +112,9 @@ class Safeguard {
   const ceres::Problem& problem_;
   ProblemLinearizer& linearizer_;
   WorkLimit& work_;
-  const double fixed_cost_;
   Eigen::VectorXd start_;
   double start_cost_ = 0.0;
-  // At the last accepted state, the cost without the fixed cost.
+  // At the last accepted state.
   double cost_ = 0.0;
   double norm_ = 0.0;
   bool is_at_start_ = true;

@@ -31,6 +31,7 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
       problem_(*problem),
       linearizer_(*linearizer),
       staged_(*staged),
+      variable_cost_(*problem, linearizer),
       work_(work),
       safeguard_(options_.compare_with_plain,
                  bounds->any(),
@@ -53,7 +54,9 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
 
 ceres::CallbackReturnType SolveWithProposals::operator()(
     const ceres::IterationSummary& iteration) {
-  const ceres::CallbackReturnType result = PrepareNext(iteration);
+  ceres::IterationSummary without_fixed = iteration;
+  without_fixed.cost = variable_cost_.Of(iteration);
+  const ceres::CallbackReturnType result = PrepareNext(without_fixed);
   if (next_ != Next::kCeresStep) return result;
   staged_.Unwrap();
   if (!options_.only_proposals || result != ceres::SOLVER_CONTINUE) {

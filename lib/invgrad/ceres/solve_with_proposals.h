@@ -15,6 +15,7 @@
 #include "invgrad/ceres/safeguard.h"
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/turn_taking.h"
+#include "invgrad/ceres/variable_cost.h"
 #include "invgrad/ceres/work_limit.h"
 #include "invgrad/update_callback.h"
 #include "invgrad/update_rule.h"
@@ -51,6 +52,7 @@ class SolveWithProposals {
     kSameState,   // a step of length zero, which ends the run
   };
 
+  // From here on, costs are those without the fixed cost.
   ceres::CallbackReturnType PrepareNext(
       const ceres::IterationSummary& iteration);
   bool Conclude();
@@ -72,6 +74,7 @@ class SolveWithProposals {
   const ceres::Problem& problem_;
   ProblemLinearizer& linearizer_;
   StagedStep& staged_;
+  VariableCost variable_cost_;
   WorkLimit work_;
   Safeguard safeguard_;
   Proposal proposal_;

@@ -24,7 +24,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
       : options_(Resolved(options)),
         proposer_(std::move(proposer)),
         problem_(problem),
-        linearizer_(problem, {{}, true, options.evaluation_callback}) {
+        linearizer_(problem, {{}, true, options.evaluation_callback, true}) {
     std::string error;
     CHECK(StagedStep::IsSupported(
         options_.max_block_size, linearizer_.structure(), &error))
