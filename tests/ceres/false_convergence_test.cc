@@ -1,5 +1,6 @@
 // Where a solve with proposals ends: at minima, not where a tolerance is met by
 // accident; and what its summary says of other ends and of invalid starts.
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -175,6 +176,55 @@ TEST(FalseConvergence, AnInvalidStartIsNamedByResidualBlockAndParameter) {
   const Outcome other = Solve("half_inverse:step_size=auto:rho=1", &problem);
   EXPECT_TRUE(!other.proposals.first_outside_domain.has_value() ||
               !other.proposals.first_outside_domain->is_start);
+}
+
+struct Counted {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    ++*num_calls;
+    r[0] = x[0];
+    return is_valid;
+  }
+  int* num_calls;
+  bool is_valid;
+};
+
+// Other values are tried in the failing residual block alone.
+TEST(FalseConvergence, AnInvalidStartIsExplainedInOnePass) {
+  constexpr int kNumValid = 100;
+  std::vector<double> x(kNumValid, 2.0);
+  double y[20];
+  std::fill_n(y, 20, 2.0);
+  int num_calls = 0;
+  int num_failing_calls = 0;
+  ceres::Problem problem;
+  for (double& value : x) {
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Counted, 1, 1>(
+                                 new Counted{&num_calls, true}),
+                             nullptr,
+                             &value);
+  }
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Counted, 1, 20>(
+                               new Counted{&num_failing_calls, false}),
+                           nullptr,
+                           y);
+  const std::unique_ptr<UpdateRule> rule = MakeRule("krylov");
+  UpdateCallback callback(rule.get(), &problem);
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  callback.AddTo(&options);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  ASSERT_EQ(summary.termination_type, ceres::FAILURE);
+  num_calls = 0;
+  num_failing_calls = 0;
+  const auto failure = callback.summary().first_outside_domain;
+  ASSERT_TRUE(failure.has_value());
+  EXPECT_EQ(failure->residual_block, kNumValid);
+  EXPECT_TRUE(failure->parameters.empty());
+  EXPECT_EQ(num_calls, kNumValid);
+  EXPECT_LE(num_failing_calls, 3 + 20 * 16);
+  EXPECT_EQ(y[0], 2.0);
 }
 
 }  // namespace false_convergence_test

@@ -28,7 +28,8 @@ std::string BlockName(const DomainFailure::Options& options,
   return name.empty() ? fmt::format("block {}", block) : name;
 }
 
-// Evaluates residual blocks at states between a good and a bad one.
+// Evaluates residual blocks at states between a good and a bad one. Leaves the
+// parameter blocks at one of these.
 class DomainSearch {
  public:
   DomainSearch(const DomainFailure::Options& options,
@@ -37,6 +38,7 @@ class DomainSearch {
                const Eigen::VectorXd& bad)
       : options_(options), structure_(structure), good_(good), bad_(bad) {}
 
+  // False if no residual block fails at the bad state.
   bool Explain(DomainFailure* failure) {
     *failure = DomainFailure();
     for (const bool with_jacobians : {false, true}) {
@@ -55,6 +57,14 @@ class DomainSearch {
       return true;
     }
     return false;
+  }
+
+  // After Explain, and after a change of the good state: the parameters that
+  // mend the failing residual block, or none if that state fails, too.
+  std::vector<DomainFailure::Parameter> Parameters() {
+    DomainFailure failure;
+    FindParameters(&failure);
+    return std::move(failure.parameters);
   }
 
  private:
@@ -303,9 +313,11 @@ bool ExplainInvalidStart(const DomainFailure::Options& options,
                          DomainFailure* failure) {
   CHECK(failure != nullptr);
   const Eigen::VectorXd start = structure.State();
-  if (!ExplainDomainFailure(options, structure, start, start, failure)) {
-    return false;
-  }
+  Eigen::VectorXd good = start;
+  DomainSearch search(options, structure, good, start);
+  const bool is_outside = search.Explain(failure);
+  structure.SetState(start);
+  if (!is_outside) return false;
   failure->is_start = true;
   const auto block =
       std::find_if(structure.residual_blocks.begin(),
@@ -321,19 +333,18 @@ bool ExplainInvalidStart(const DomainFailure::Options& options,
     const auto& parameters = structure.parameter_blocks[index];
     num_tried += parameters.ambient_size;
     if (parameters.manifold != nullptr || num_tried > kMaxNumTried) continue;
-    DomainFailure other;
     const auto has_value = [&](int j, double value) {
-      Eigen::VectorXd good = start;
+      good = start;
       good[parameters.offset + j] = value;
-      return ExplainDomainFailure(options, structure, good, start, &other) &&
-             !other.fails_at_good_state && !other.parameters.empty();
+      failure->parameters = search.Parameters();
+      structure.SetState(start);
+      return !failure->parameters.empty();
     };
     double valid_value = 0.0;
     if (FindInvalidParameter(parameters.values,
                              parameters.ambient_size,
                              has_value,
                              &valid_value) >= 0) {
-      failure->parameters = std::move(other.parameters);
       break;
     }
   }

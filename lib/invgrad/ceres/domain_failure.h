@@ -18,8 +18,9 @@
 //
 // Shapes:  states as of ProblemLinearizer::State, steps in its tangent columns.
 // Cost:    all residual blocks at the bad state; then, for k components, at most
-//          3 k + 1 evaluations of one. ExplainNextStep: one iteration of
-//          ceres::Solve in addition.
+//          3 k + 1 evaluations of one. ExplainInvalidStart: at most 400 of
+//          these more. ExplainNextStep: one iteration of ceres::Solve in
+//          addition.
 // Fails:   returns false if there is no failure.
 // Limits:  the set is the smallest one only if returning more components never
 //          leads outside again. ExplainNextStep explains no steps of inner
