@@ -137,6 +137,8 @@ class UpdateCallback final {
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts
     //   L(x) - L(x + step) >= min_relative_model_decrease * L(x).
+    // With only_proposals it is at most the solver's function_tolerance, because
+    // no step of Ceres comes after the last proposal.
     double min_relative_model_decrease = 1e-3;
     // True: the solve without proposals runs as well, and its result is kept if
     // it is better (safeguard.h).
@@ -166,9 +168,11 @@ class UpdateCallback final {
   // one if a proposal met one of Ceres' tolerances and ended the run.
   struct Summary {
     int num_proposed = 0;
-    int num_accepted = 0;     // of those proposed
-    int num_rejected = 0;     // of those proposed
-    int num_withheld = 0;     // steps and halves that would not lower the cost
+    int num_accepted = 0;  // of those proposed
+    int num_rejected = 0;  // of those proposed
+    // Steps and halves that would not lower the cost, or lead to where Ceres
+    // could not continue (proposal.h).
+    int num_withheld = 0;
     int num_ceres_steps = 0;  // iterations with a step of Ceres
     // Steps of the solve without proposals, or if there was none of Ceres, after
     // which Ceres widens the trust region. If it does so nearly always, the

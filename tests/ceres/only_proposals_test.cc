@@ -4,11 +4,13 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/random.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 #include "tests/support/function_rule.h"
@@ -107,6 +109,54 @@ TEST(OnlyProposals, EndWhereTheRuleHasNoStep) {
   EXPECT_EQ(corridor.summary.termination_type, ceres::USER_SUCCESS);
   EXPECT_EQ(callback.summary().message, "declined");
   EXPECT_TRUE(corridor.x.isZero(0.0));
+}
+
+// A line through noisy points.
+struct Line {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] + x[1] * t - y;
+    return true;
+  }
+  double t;
+  double y;
+};
+
+// The first step of a linear problem is exact. Far from the minimum and within
+// a standard error of it, where 1e-3 of the cost is left to gain.
+TEST(OnlyProposals, ReachTheMinimumOfALinearProblem) {
+  constexpr int kNumPoints = 2000;
+  for (const double off : {1.0, 0.01}) {
+    NumpyRandom random(1);
+    Eigen::MatrixXd A(kNumPoints, 2);
+    Eigen::VectorXd y = 0.5 * random.Normal(kNumPoints);
+    for (int i = 0; i < kNumPoints; ++i) {
+      A.row(i) << 1.0, random.Uniform(-1.0, 1.0);
+    }
+    y += A * Eigen::Vector2d(1.0, 2.0);
+    const Eigen::Vector2d best = A.householderQr().solve(y);
+    Eigen::Vector2d x = best + Eigen::Vector2d(off, 0.0);
+    ceres::Problem problem;
+    for (int i = 0; i < kNumPoints; ++i) {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<Line, 1, 2>(new Line{A(i, 1), y[i]}),
+          nullptr,
+          x.data());
+    }
+    const auto rule = MakeRule("determined");
+    UpdateCallback::Options options;
+    options.only_proposals = true;
+    UpdateCallback callback(rule.get(), &problem, options);
+    ceres::Solver::Options solver_options;
+    solver_options.logging_type = ceres::SILENT;
+    callback.AddTo(&solver_options);
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver_options, &problem, &summary);
+    EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    EXPECT_EQ(callback.summary().num_accepted, 1);
+    EXPECT_EQ(callback.summary().num_withheld, 0);
+    EXPECT_LE((x - best).norm(), 1e-10);
+  }
 }
 
 }  // namespace only_proposals_test

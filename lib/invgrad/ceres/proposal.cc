@@ -160,7 +160,8 @@ bool Proposal::IsPromising(const Linearization& at_x) const {
   return decrease >= min_relative_model_decrease_ * at_x.cost;
 }
 
-bool Proposal::FindCandidate(std::string* message) {
+bool Proposal::FindCandidate(const std::function<bool(double cost)>& may_end,
+                             std::string* message) {
   constexpr int kMaxNumHalvings = 2;
   for (;; step_ *= 0.5, fraction_ *= 0.5) {
     double cost = std::numeric_limits<double>::quiet_NaN();
@@ -175,7 +176,7 @@ bool Proposal::FindCandidate(std::string* message) {
       }
       work_.CountLinearization();
       is_in_domain = linearizer_.Linearize(parts_, &at_candidate_, &error);
-      if (is_in_domain && CanContinueFromCandidate()) {
+      if (is_in_domain && CanContinueFromCandidate(may_end)) {
         cost = at_candidate_.cost;
       }
     }
@@ -195,17 +196,32 @@ bool Proposal::FindCandidate(std::string* message) {
   return false;
 }
 
-bool Proposal::CanContinueFromCandidate() const {
+bool Proposal::CanContinueFromCandidate(
+    const std::function<bool(double cost)>& may_end) const {
+  constexpr double kFlat = 1e-10;
+  // Ceres' gradient is x - Plus(x, -gradient).
+  constexpr double kRounding = 4.0 * std::numeric_limits<double>::epsilon();
   const JacobianOperator& J = *at_candidate_.jacobian;
+  const double cost = at_candidate_.cost;
   Eigen::VectorXd gradient;
   J.TransposeTimes(at_candidate_.loss_gradient, &gradient);
-  Eigen::VectorXd row_sums;
+  // Equal elements would be a gauge freedom of many problems.
+  Eigen::VectorXd d(J.cols());
+  for (Eigen::Index i = 0; i < d.size(); ++i) {
+    d[i] = 1.0 + 0.5 * std::sin(static_cast<double>(i + 1));
+  }
+  Eigen::VectorXd J_d;
   Eigen::VectorXd squares;
-  J.Times(Eigen::VectorXd::Ones(J.cols()), &row_sums);
-  J.TransposeTimes(row_sums, &squares);
-  constexpr double kFlat = 1e-10;
-  return gradient.allFinite() && squares.allFinite() &&
-         gradient.norm() * candidate_.norm() >= kFlat * at_candidate_.cost;
+  J.Times(d, &J_d);
+  J.TransposeTimes(J_d, &squares);
+  if (!gradient.allFinite() || !squares.allFinite()) return false;
+  const double size = std::max(candidate_.norm(), step_.norm());
+  const bool is_stationary = gradient.norm() * size < kFlat * cost;
+  if (is_stationary && J_d.norm() * size < kFlat * std::sqrt(2.0 * cost)) {
+    return false;
+  }
+  return !(is_stationary || gradient.norm() <= kRounding * candidate_.norm()) ||
+         may_end(cost);
 }
 
 void Proposal::Decided(bool is_accepted, double cost) {

@@ -11,11 +11,16 @@
 // adapts its own step size instead, and the scale of a function is always 1.
 //
 // A candidate from which Ceres cannot continue counts as higher: J^T J is not
-// finite there, or |gradient| |x| is less than 1e-10 of the cost, as in a flat
-// region.
+// finite there, or the candidate lies in a flat region,
+//
+//   |gradient| |x| < 1e-10 L   and   |J d| |x| < 1e-10 sqrt(2 L),   d about 1,
+//
+// or the gradient is so small that Ceres may end the run there, and the solve
+// without proposals ends lower. |x| is |step| if that is larger.
 #ifndef INVGRAD_CERES_PROPOSAL_H_
 #define INVGRAD_CERES_PROPOSAL_H_
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -53,7 +58,9 @@ class Proposal {
   bool ComputeStep(double cost,
                    const Eigen::VectorXd& state,
                    std::string* message);
-  bool FindCandidate(std::string* message);
+  // `may_end`: whether the run may end at this cost.
+  bool FindCandidate(const std::function<bool(double cost)>& may_end,
+                     std::string* message);
 
   const Eigen::VectorXd& step() const { return step_; }
   // Candidates of the last step that were too high.
@@ -76,7 +83,8 @@ class Proposal {
   bool MoveTo(const Eigen::VectorXd& step);
   bool Linearize(Linearization* at_x, std::string* message);
   bool IsPromising(const Linearization& at_x) const;
-  bool CanContinueFromCandidate() const;
+  bool CanContinueFromCandidate(
+      const std::function<bool(double cost)>& may_end) const;
   void HalveScale();
   void DoubleScale();
 

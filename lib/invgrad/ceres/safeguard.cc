@@ -99,7 +99,7 @@ void Safeguard::Observe(const ceres::IterationSummary& iteration,
 }
 
 Safeguard::Verdict Safeguard::verdict() const {
-  if (IsPlainBetter() &&
+  if (IsPlainBetterThan(cost_) &&
       (has_converged_ || is_late_ || !work_.AllowsIteration() ||
        (!has_proposals_ && !work_.AllowsStep()))) {
     return Verdict::kPlainIsBetter;
@@ -204,9 +204,9 @@ bool Safeguard::IsFlat(const ceres::IterationSummary& iteration) const {
              std::max(options_.function_tolerance, kFlat) * cost_;
 }
 
-bool Safeguard::IsPlainBetter() const {
+bool Safeguard::IsPlainBetterThan(double cost) const {
   return plain_.has_value() &&
-         plain_->cost < (1.0 - options_.function_tolerance) * cost_;
+         plain_->cost < (1.0 - options_.function_tolerance) * cost;
 }
 
 void Safeguard::Compare() {

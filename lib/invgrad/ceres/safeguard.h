@@ -82,6 +82,9 @@ class Safeguard {
                const Eigen::VectorXd& state,
                bool is_own);
   Verdict verdict() const;
+  // Whether the result of the plain solve, if known, is better than a state of
+  // this cost.
+  bool IsPlainBetterThan(double cost) const;
 
   // Runs the plain solve, once. Call it before the first proposal.
   void Compare();
@@ -103,7 +106,6 @@ class Safeguard {
   double PredictedDecrease() const;
   double TangentGradientMaxNorm() const;
   bool IsFlat(const ceres::IterationSummary& iteration) const;
-  bool IsPlainBetter() const;
 
   const bool compares_;
   const bool has_bounds_;

@@ -1,5 +1,6 @@
 #include "invgrad/ceres/solve_with_proposals.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -40,7 +41,10 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                  problem,
                  linearizer,
                  &work_),
-      proposal_(options_.min_relative_model_decrease,
+      proposal_(options_.only_proposals
+                    ? std::min(options_.min_relative_model_decrease,
+                               solver_options_.function_tolerance)
+                    : options_.min_relative_model_decrease,
                 proposer,
                 bounds,
                 *problem,
@@ -214,7 +218,12 @@ ceres::CallbackReturnType SolveWithProposals::Propose(bool is_rules_turn) {
     turns_.RuleHadNoStep();
     return ceres::SOLVER_CONTINUE;
   }
-  const bool has_candidate = proposal_.FindCandidate(&summary_.message);
+  const auto may_end = [this](double cost) {
+    safeguard_.Compare();
+    return !safeguard_.IsPlainBetterThan(cost);
+  };
+  const bool has_candidate =
+      proposal_.FindCandidate(may_end, &summary_.message);
   summary_.num_withheld += proposal_.num_withheld();
   ExplainProposal();
   if (!has_candidate) {
