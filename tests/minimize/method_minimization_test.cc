@@ -88,15 +88,20 @@ TEST(PointMinimization, TheHessianOfAPulledBackChangeIsTheProxys) {
   EXPECT_LT((objective.State() - 0.5 * target).norm(), 1e-9);
 }
 
-TEST(PointMinimization, APulledBackChangeHasNoCostToJudgeStepsBy) {
+TEST(PointMinimization, APulledBackChangeHasNoCostToCompare) {
   PointObjective objective(std::make_shared<IdentitySimulator>(2),
                            std::make_shared<SquaredNormLoss>(2, 0.5),
                            Eigen::Vector2d::Ones(),
                            Eigen::Vector2d::Zero());
   std::string error;
-  for (const std::string rule : {"hessian_free", "half_inverse:control=gain"}) {
-    EXPECT_FALSE(PullBack("newton/inverse/" + rule, &objective, &error));
-    EXPECT_EQ(error.find("the rule judges its steps by a cost"), 0u) << error;
+  for (const std::string rule :
+       {"hessian_free", "half_inverse:control=gain", "geodesic", "ssbroyden"}) {
+    for (const std::string ways : {"newton/inverse/", "newton/joint/"}) {
+      EXPECT_FALSE(PullBack(ways + rule, &objective, &error));
+      EXPECT_EQ(error.find("the rule compares costs"), 0u) << error;
+    }
+    EXPECT_TRUE(PullBack("gradient/joint/" + rule, &objective, &error))
+        << error;
   }
 }
 

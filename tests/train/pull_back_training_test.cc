@@ -164,6 +164,62 @@ TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
   }
 }
 
+struct Scaled {
+  double c;
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = c * (x[0] + 0.1 * x[0] * x[0] * x[0]);
+    return true;
+  }
+};
+
+// With targets c sin(2 a).
+TrainResult TrainInUnits(double c, const std::string& method) {
+  const Model model(
+      DenseNetwork({1, 8, 1}, Activation::kTanh),
+      std::make_shared<AutoDiffSimulator<Scaled, 1, 1>>(Scaled{c}),
+      std::make_shared<SquaredNormLoss>(1, 0.5),
+      Reduction::kMean);
+  const Eigen::RowVectorXd inputs =
+      Eigen::RowVectorXd::LinSpaced(40, -1.0, 1.0);
+  TrainOptions options;
+  options.max_num_steps = 100;
+  return Train(
+      model, {inputs, c * (2.0 * inputs.array()).sin()}, method, options);
+}
+
+// The loss is in the unit of y, the proxy in that of x.
+TEST(PullBackTraining, TrialsAreComparedWithTheProxyAtTheWeights) {
+  for (const std::string rule : {"geodesic", "adaptive", "ssbroyden"}) {
+    for (const double c : {1e-3, 1.0, 1e3}) {
+      SCOPED_TRACE(rule + " " + std::to_string(c));
+      const TrainResult result =
+          TrainInUnits(c, "newton/inverse/" + rule + ":batch_size=0");
+      EXPECT_EQ(result.error, "");
+      EXPECT_LT(result.history.back().train_loss,
+                1e-3 * result.history.front().train_loss);
+    }
+  }
+}
+
+TEST(PullBackTraining, AStepInYHasNoCostToCompare) {
+  for (const std::string rule : {"geodesic",
+                                 "adaptive",
+                                 "ssbroyden",
+                                 "hessian_free",
+                                 "half_inverse:control=gain"}) {
+    SCOPED_TRACE(rule);
+    for (const std::string method :
+         {"newton/joint/" + rule,
+          "gradient/joint/" + rule + ":y_step_size=2"}) {
+      EXPECT_EQ(TrainInUnits(1.0, method).error.find("the rule compares costs"),
+                0u);
+    }
+    EXPECT_EQ(TrainInUnits(1.0, "gradient/joint/" + rule).error, "");
+  }
+  EXPECT_EQ(TrainInUnits(1.0, "newton/joint/half_inverse").error, "");
+}
+
 TEST(PullBackTraining, EverySampleIsCountedOnce) {
   const LearningProblem problem =
       CreateLearningProblem("sine:xi=4:num_samples=200");

@@ -30,7 +30,7 @@ class BatchProposal {
              std::string* error) {
     rule_ = phase.MakeRule();
     objective_ = MakePhaseObjective(phase,
-                                    rule_->judge() != nullptr,
+                                    rule_.get(),
                                     model_,
                                     data_,
                                     std::move(inverse),

@@ -12,7 +12,7 @@ namespace {
 
 // Returns false if the pull-back cannot train this model on these data.
 bool CheckPullBack(const PullBackMethod& pull_back,
-                   bool judges_steps,
+                   UpdateRule* rule,
                    const Model& model,
                    const DataSet& train,
                    std::string* error) {
@@ -21,10 +21,13 @@ bool CheckPullBack(const PullBackMethod& pull_back,
     *error =
         "updates > 1: in a closed loop an update moves the inputs of the next "
         "one";
-  } else if (is_closed_loop && !pull_back.is_joint() && judges_steps) {
-    *error =
-        "control=gain: in a closed loop an update moves the inputs of what is "
-        "pulled back";
+  } else if (is_closed_loop && !pull_back.is_joint() && ComparesCosts(rule)) {
+    *error = std::string(kComparesCosts) +
+             "in a closed loop an update moves the inputs of what is pulled "
+             "back";
+  } else if (pull_back.is_joint() && !pull_back.lowers_loss() &&
+             ComparesCosts(rule)) {
+    *error = std::string(kComparesCosts) + kJointStepHasNoCost;
   } else if (pull_back.needs_solutions() && train.solutions.rows() == 0) {
     *error = "the training data have no solutions x* to learn from";
   } else {
@@ -35,9 +38,13 @@ bool CheckPullBack(const PullBackMethod& pull_back,
 
 }  // namespace
 
+bool ComparesCosts(UpdateRule* rule) {
+  return rule->judge() != nullptr || rule->Needs().after;
+}
+
 std::unique_ptr<BatchObjective> MakePhaseObjective(
     const Phase& phase,
-    bool judges_steps,
+    UpdateRule* rule,
     const Model& model,
     const DataSet& train,
     std::shared_ptr<const InverseSimulator> inverse,
@@ -47,7 +54,7 @@ std::unique_ptr<BatchObjective> MakePhaseObjective(
     return std::make_unique<ModelObjective>(model);
   }
   const PullBackMethod& pull_back = *phase.pull_back;
-  if (!CheckPullBack(pull_back, judges_steps, model, train, error)) {
+  if (!CheckPullBack(pull_back, rule, model, train, error)) {
     return nullptr;
   }
   if (pull_back.is_joint()) {
@@ -84,7 +91,7 @@ bool MakeUpdates(const DataSet& batch,
                      *weights, batch, rule->Needs(), at_weights, error)) {
       return false;
     }
-    if (judge != nullptr && objective->is_proxy()) {
+    if (objective->is_proxy() && ComparesCosts(rule)) {
       at_weights->cost = CostOf(objective, batch, *weights);
     }
     // Of the loss, or of a proxy with constant x~.

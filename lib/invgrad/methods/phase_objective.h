@@ -19,12 +19,22 @@
 
 namespace invgrad {
 
+// Whether a rule compares costs: it judges its steps or evaluates trials. The
+// cost must then be the one that its linearizations are of.
+bool ComparesCosts(UpdateRule* rule);
+// The beginning of a message where there is no such cost.
+inline constexpr char kComparesCosts[] =
+    "the rule compares costs (adaptive, geodesic, ssbroyden, hessian_free, "
+    "control=gain), and ";
+inline constexpr char kJointStepHasNoCost[] =
+    "a step in y, LOSS/joint, is the gradient of none: leave it out";
+
 // The objective of all weights; null, with *error, if the pull-back cannot train
-// this model on these data. `inverse` and `communicator` may be null. The model
-// must outlive the objective.
+// this model on these data by this rule. `inverse` and `communicator` may be
+// null. The model must outlive the objective.
 std::unique_ptr<BatchObjective> MakePhaseObjective(
     const Phase& phase,
-    bool judges_steps,
+    UpdateRule* rule,
     const Model& model,
     const DataSet& train,
     std::shared_ptr<const InverseSimulator> inverse,

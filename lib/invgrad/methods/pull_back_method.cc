@@ -164,10 +164,7 @@ LossPullBack PullBackMethod::MakeLossPullBack(
 std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
     std::shared_ptr<const Loss> loss) const {
   CHECK(is_joint());
-  // The gradient of the loss itself: there is nothing to pull back.
-  if (options_.loss == LossWay::kGradient && options_.y_step_size == 1.0) {
-    return loss;
-  }
+  if (lowers_loss()) return loss;
   return std::make_shared<LossPullBack>(MakeLossPullBack(std::move(loss)));
 }
 

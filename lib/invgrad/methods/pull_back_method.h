@@ -42,6 +42,11 @@ class PullBackMethod {
   void Describe(OptionSet* set);
 
   bool is_joint() const { return way() == SimulatorWay::kJoint; }
+  // Whether the rule lowers the loss itself: there is nothing to pull back.
+  bool lowers_loss() const {
+    return is_joint() && options_.loss == LossWay::kGradient &&
+           options_.y_step_size == 1.0;
+  }
   // Whether a setting is set that only applies to batches.
   bool needs_batches() const {
     return proxy_ != "l2" || options_.curvature_weight != 0.0 ||

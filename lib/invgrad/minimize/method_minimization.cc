@@ -13,6 +13,7 @@
 #include "invgrad/method.h"
 #include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/phase_objective.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/pull_back_objective.h"
@@ -123,8 +124,13 @@ bool IsForPoints(const Phase& phase,
                  std::string* error) {
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
   if (phase.pull_back == nullptr || phase.pull_back->is_joint()) {
-    return rule == nullptr ||
-           objective.model().CanLinearize(rule->Needs(), error);
+    if (rule == nullptr) return true;
+    if (phase.pull_back != nullptr && !phase.pull_back->lowers_loss() &&
+        ComparesCosts(rule.get())) {
+      *error = std::string(kComparesCosts) + kJointStepHasNoCost;
+      return false;
+    }
+    return objective.model().CanLinearize(rule->Needs(), error);
   }
   if (phase.pull_back->needs_solutions()) {
     *error = "a point has no data to learn from";
@@ -132,10 +138,9 @@ bool IsForPoints(const Phase& phase,
     return true;  // MakeBatchProposal checks the rest
   } else if (phase.pull_back->needs_batches()) {
     *error = "proxy, curvature_weight, updates and max_change need a network";
-  } else if (rule->judge() != nullptr) {
-    *error =
-        "the rule judges its steps by a cost (control=gain, hessian_free), and "
-        "the change that is pulled back to a point has none";
+  } else if (ComparesCosts(rule.get())) {
+    *error = std::string(kComparesCosts) +
+             "the change that is pulled back to a point has none";
   } else {
     return phase.pull_back->CanPullBack(objective.model().simulator(), error);
   }

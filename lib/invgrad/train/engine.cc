@@ -206,7 +206,7 @@ std::unique_ptr<BatchObjective> MakeRuleObjective(const Phase& phase,
                                                   std::string* error) {
   std::unique_ptr<BatchObjective> objective =
       MakePhaseObjective(phase,
-                         rule->judge() != nullptr,
+                         rule,
                          model,
                          data.train,
                          options.inverse,
