@@ -17,6 +17,7 @@
 #include "problems/problems.h"
 #include "tests/distributed/ranks.h"
 #include "tests/support/random_matrix.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace distributed_training_test {
@@ -257,9 +258,9 @@ double NumSent(const LearningProblem& problem,
 TEST(DistributedTraining, AFirstOrderStepSendsItsGradient) {
   const LearningProblem problem =
       MakeProblem("oscillator_chain:num_samples=80");
-  // Cost and gradient; that no rank has failed; the clock, the calls of the
-  // simulator, and what callbacks say.
-  const double num_sums = 1.0 + problem.model->num_weights() + 1.0 + 4.0;
+  // Cost and gradient; that no rank has failed; the clock, whether a checkpoint
+  // is due, the calls of the simulator, and what callbacks say.
+  const double num_sums = 1.0 + problem.model->num_weights() + 1.0 + 5.0;
   EXPECT_EQ(NumSent(problem, "adam", 8),
             Ranks()->size() == 1 ? 0.0 : 2.0 * num_sums);
 }
@@ -276,6 +277,31 @@ TEST(DistributedTraining, KfacSendsSumsOverTheSamples) {
         NumSent(problem, method, 4 * size) - NumSent(problem, method, 2 * size);
     const double num_vectors = method == "kfac" ? 3.0 : 1.0;
     EXPECT_EQ(of_more, num_vectors * 2 * kNumRowsOfASample * (size - 1));
+  }
+}
+
+// The clocks of the ranks differ: here the checkpoints are due on one rank alone.
+// After one, K-FAC decomposes its factors again, which all ranks share.
+TEST(DistributedTraining, AllRanksMakeACheckpointOrNone) {
+  const LearningProblem problem =
+      MakeProblem("oscillator_chain:num_samples=80");
+  TrainOptions options;
+  options.batch_size = 13;
+  options.max_num_steps = 12;
+  options.communicator = Ranks();
+  const auto train = [&] {
+    return invgrad::Train(
+        *problem.model, problem.train, "kfac:interval=5", options);
+  };
+  const VectorXd expected = train().weights;
+  for (const int rank : {0, Ranks()->size() - 1}) {
+    const TemporaryFolder folder;
+    options.checkpoint_path = folder / "checkpoint";
+    options.checkpoint_interval_in_seconds =
+        Ranks()->rank() == rank ? 0.0 : 1e9;
+    const TrainResult result = train();
+    EXPECT_EQ(result.error, "");
+    EXPECT_LE((result.weights - expected).norm(), 1e-9 * expected.norm());
   }
 }
 

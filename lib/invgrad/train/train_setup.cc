@@ -239,6 +239,11 @@ void TrainingRun::Impl::AgreeWithRanks() {
 
 // --- Checkpoint ---
 
+bool TrainingRun::Impl::IsCheckpointDue() const {
+  const std::chrono::duration<double> since = Clock::now() - last_checkpoint_;
+  return since.count() >= options_.checkpoint_interval_in_seconds;
+}
+
 StateArchive TrainingRun::Impl::Checkpoint() {
   StateArchive archive;
   if (!options_.checkpoint_path.empty() && engine().has_state()) {

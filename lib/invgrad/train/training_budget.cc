@@ -61,6 +61,23 @@ double TrainingRun::Impl::WatchedLoss() const {
   return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
 }
 
+bool TrainingRun::Impl::IsEvaluationDue() const {
+  if (last_evaluation() == state_.step) return false;
+  if (!engine().epochs().has_value()) {
+    const long steps_per_epoch = engine().steps_per_epoch();
+    return steps_of_phase() % steps_per_epoch == 0 &&
+           IsEvaluationEpoch(steps_of_phase() / steps_per_epoch);
+  }
+  // Steps may pass over the ends of epochs.
+  const double evaluated = history().back().epoch - state_.first_epoch;
+  for (long done = std::lround(std::floor(*engine().epochs()));
+       static_cast<double>(done) > evaluated;
+       --done) {
+    if (IsEvaluationEpoch(done)) return true;
+  }
+  return false;
+}
+
 Engine::StepResult TrainingRun::Impl::EngineStep() {
   const double start = Now();
   const long calls = simulator_->num_calls();

@@ -190,13 +190,18 @@ bool TrainingRun::Impl::CallBack(ceres::IterationSummary iteration) {
   }
   double num_aborts = answer == ceres::SOLVER_ABORT ? 1.0 : 0.0;
   double num_stops = answer == ceres::SOLVER_TERMINATE_SUCCESSFULLY ? 1.0 : 0.0;
+  is_checkpoint_due_ = IsCheckpointDue();
   if (options_.communicator != nullptr) {
-    double sums[] = {
-        is_first_rank() ? state_.seconds : 0.0, num_aborts, num_stops};
+    const double of_clock = is_first_rank() ? 1.0 : 0.0;
+    double sums[] = {of_clock * state_.seconds,
+                     is_checkpoint_due_ ? of_clock : 0.0,
+                     num_aborts,
+                     num_stops};
     options_.communicator->Sum(sums, std::size(sums));
     state_.seconds = sums[0];
-    num_aborts = sums[1];
-    num_stops = sums[2];
+    is_checkpoint_due_ = sums[1] > 0.0;
+    num_aborts = sums[2];
+    num_stops = sums[3];
   }
   AddCalls();
   if (num_aborts > 0.0) {
@@ -205,23 +210,6 @@ bool TrainingRun::Impl::CallBack(ceres::IterationSummary iteration) {
     End(ceres::USER_SUCCESS, AtStep("stopped by a callback", steps_of_phase()));
   }
   return num_aborts == 0.0 && num_stops == 0.0;
-}
-
-bool TrainingRun::Impl::IsEvaluationDue() const {
-  if (last_evaluation() == state_.step) return false;
-  if (!engine().epochs().has_value()) {
-    const long steps_per_epoch = engine().steps_per_epoch();
-    return steps_of_phase() % steps_per_epoch == 0 &&
-           IsEvaluationEpoch(steps_of_phase() / steps_per_epoch);
-  }
-  // Steps may pass over the ends of epochs.
-  const double evaluated = history().back().epoch - state_.first_epoch;
-  for (long done = std::lround(std::floor(*engine().epochs()));
-       static_cast<double>(done) > evaluated;
-       --done) {
-    if (IsEvaluationEpoch(done)) return true;
-  }
-  return false;
 }
 
 void TrainingRun::Impl::EvaluateIfDue() {
@@ -236,10 +224,7 @@ void TrainingRun::Impl::EvaluateIfDue() {
 }
 
 void TrainingRun::Impl::SaveIfDue() {
-  const std::chrono::duration<double> since = Clock::now() - last_checkpoint_;
-  if (since.count() >= options_.checkpoint_interval_in_seconds) {
-    SaveCheckpoint(Checkpoint());
-  }
+  if (is_checkpoint_due_) SaveCheckpoint(Checkpoint());
 }
 
 bool TrainingRun::Impl::EvaluateOrEnd() {

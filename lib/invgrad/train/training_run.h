@@ -132,6 +132,8 @@ class TrainingRun::Impl {
   Eigen::VectorXd Reported();
   // Adds the calls of this rank since the last time, of all ranks.
   void AddCalls();
+  // The seconds become those of the first rank.
+  void ShareClock();
   // Evaluates the losses. If the train loss is not finite, ends the run as
   // diverged, and returns false.
   bool EvaluateOrEnd();
@@ -201,6 +203,9 @@ class TrainingRun::Impl {
   std::vector<RunPhase> phases_;
   long max_num_steps_ = 0;  // of the phase
   Clock::time_point last_checkpoint_ = Clock::now();
+  // After the last step, by the clock of the first rank. All ranks make a
+  // checkpoint or none: a rule may need all of them after it (kfac_rule.cc).
+  bool is_checkpoint_due_ = false;
 };
 
 }  // namespace invgrad
