@@ -3,11 +3,13 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "Eigen/Cholesky"
 #include "Eigen/Geometry"
+#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/network_jacobian.h"
@@ -15,6 +17,7 @@
 #include "invgrad/rules.h"
 #include "invgrad/stored_jacobian.h"
 #include "invgrad/update_rule.h"
+#include "tests/support/random_matrix.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {
@@ -116,6 +119,59 @@ TEST(JointRule, AtAMinimumTheStepIsZero) {
       }
     }
   }
+}
+
+// Without control, too; about half of the slopes are roundings upwards.
+TEST(JointRule, AtAMinimumTheAutomaticStepIsZero) {
+  for (const std::string name :
+       {"half_inverse", "gauss_newton", "krylov", "determined"}) {
+    for (int seed = 0; seed < 20; ++seed) {
+      SCOPED_TRACE(name + " " + std::to_string(seed));
+      const MatrixXd J = RandomMatrix(7, 3, seed);
+      const MatrixXd Q = J.householderQr().householderQ();
+      Linearization at_x;
+      at_x.jacobian = std::make_shared<DenseJacobian>(J);
+      at_x.loss_gradient = 1e3 * Q.rightCols(4) * VectorXd::Ones(4);
+      at_x.cost = 0.5 * at_x.loss_gradient.squaredNorm();
+      VectorXd step;
+      std::string error;
+      ASSERT_TRUE(
+          MakeRule(name + ":step_size=auto")->ComputeStep(at_x, &step, &error))
+          << error;
+      EXPECT_LT(step.norm(), 1e-10);
+    }
+  }
+}
+
+// A direction that leads upwards is no rounding.
+class Uphill final : public JointRule {
+ public:
+  Uphill() : JointRule(AutomaticStep()) {}
+
+ private:
+  static Options AutomaticStep() {
+    Options options;
+    options.step_size.step_size = std::nullopt;
+    return options;
+  }
+  bool ComputeDirection(const Linearization& at_x,
+                        const SpectralFilter& /*filter*/,
+                        VectorXd* direction,
+                        std::string* /*report*/,
+                        std::string* /*error*/) override {
+    at_x.jacobian->TransposeTimes(-at_x.loss_gradient, direction);
+    return true;
+  }
+};
+
+TEST(JointRule, NoAutomaticStepLeadsUphill) {
+  Linearization at_x;
+  at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Identity(3, 2));
+  at_x.loss_gradient = Eigen::Vector3d(1e-6, 0.0, 1.0);
+  VectorXd step;
+  std::string error;
+  EXPECT_FALSE(Uphill().ComputeStep(at_x, &step, &error));
+  EXPECT_EQ(error.find("step_size=auto: not a descent direction"), 0u) << error;
 }
 
 // Full Gauss-Newton steps, 2.5 times too long, make a linear problem worse;

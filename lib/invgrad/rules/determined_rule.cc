@@ -100,8 +100,10 @@ class DeterminedRule final : public UpdateRule {
     double eta = options.step_size.value_or(1.0);
     if (options.is_auto() && !step->isZero(0.0)) {
       AlongDirection model;
-      if (!ModelAlong(at_x, *step, &model, error) ||
-          !AutoStepSize(model, options.rho, &eta, error)) {
+      if (!ModelAlong(at_x, *step, &model, error)) return false;
+      if (model.IsAtMinimum()) {
+        step->setZero();
+      } else if (!AutoStepSize(model, options.rho, &eta, error)) {
         return false;
       }
     }

@@ -73,8 +73,7 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   AlongDirection model;
   if (!is_zero && (options.is_auto() || judges_steps())) {
     if (!ModelAlong(at_x, -d_, &model, error)) return false;
-    // At a minimum the slope is rounding.
-    if (judges_steps() && model.slope >= 0.0) {
+    if (model.IsAtMinimum() || (judges_steps() && model.slope >= 0.0)) {
       d_.setZero();
       model = AlongDirection();
     }

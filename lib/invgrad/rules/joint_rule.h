@@ -9,7 +9,8 @@
 // Cost:    the cost of d; step_size=auto and control add products with J
 //          and H_L (step_size.h), control also one evaluation of the cost.
 // Fails:   returns false if d cannot be computed, if the step is not finite, or
-//          if there is no automatic step size.
+//          if there is no automatic step size. At a minimum, where the slope
+//          along d is rounding, the step is zero.
 #ifndef INVGRAD_RULES_JOINT_RULE_H_
 #define INVGRAD_RULES_JOINT_RULE_H_
 

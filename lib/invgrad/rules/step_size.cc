@@ -128,6 +128,12 @@ double AlongDirection::Change(double eta) const {
   return a * (slope + 0.5 * a * (curvature + damping));
 }
 
+bool AlongDirection::IsAtMinimum() const {
+  // J d has few digits if a rule divides by small singular values.
+  constexpr double kSmallestCosine = 1e-8;
+  return slope >= 0.0 && slope <= kSmallestCosine * steepest;
+}
+
 bool ModelAlong(const Linearization& at_x,
                 const Eigen::VectorXd& direction,
                 AlongDirection* model,
@@ -143,6 +149,7 @@ bool ModelAlong(const Linearization& at_x,
     return false;
   }
   w /= model->unit;
+  model->steepest = at_x.loss_gradient.stableNorm() * w.norm();
   if (at_x.loss_on_curve) {
     model->curve = [loss_on_curve = at_x.loss_on_curve,
                     w = std::move(w)](double a) { return loss_on_curve(w, a); };

@@ -72,6 +72,7 @@ struct StepSizeOptions {
 struct AlongDirection {
   double unit = 0.0;       // |J d|_inf
   double slope = 0.0;      // g . w
+  double steepest = 0.0;   // |g| |w|
   double curvature = 0.0;  // w . H_L w; 0 if there is a curve
   double damping = 0.0;    // a rule's own addition
   // a -> the loss at R(y, w, a). Empty: the linear model.
@@ -80,6 +81,10 @@ struct AlongDirection {
 
   // The predicted change of the loss.
   double Change(double eta) const;
+  // Whether a direction of descent has a slope that is not negative because it is
+  // rounding: the loss has a minimum here, at least along the directions that a
+  // rule takes.
+  bool IsAtMinimum() const;
 };
 
 bool ModelAlong(const Linearization& at_x,
