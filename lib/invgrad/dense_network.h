@@ -257,7 +257,8 @@ class NetworkFunctor {
 //   const Eigen::VectorXd weights = scales.Unscaled(network, result.weights);
 //
 // Shapes:  inputs: |a| x N, a column a sample.
-// Fails:   never. A constant input has the deviation 1.
+// Fails:   never. A constant input has the deviation 1; an input is constant if
+//          its values differ by less than 1e-12 of the largest.
 struct InputScales {
   Eigen::VectorXd mean;
   Eigen::VectorXd deviation;

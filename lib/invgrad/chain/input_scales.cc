@@ -5,6 +5,12 @@
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
+namespace {
+
+// Differences below this share of the largest value count as rounding.
+constexpr double kConstantInput = 1e-12;
+
+}  // namespace
 
 InputScales InputScales::Of(const Eigen::MatrixXd& inputs) {
   CHECK_GT(inputs.cols(), 0) << "there are no samples";
@@ -12,8 +18,12 @@ InputScales InputScales::Of(const Eigen::MatrixXd& inputs) {
   scales.mean = inputs.rowwise().mean();
   scales.deviation = (inputs.colwise() - scales.mean).rowwise().norm() /
                      std::sqrt(static_cast<double>(inputs.cols()));
-  for (double& deviation : scales.deviation) {
-    if (!(deviation > 0.0)) deviation = 1.0;
+  for (Eigen::Index i = 0; i < inputs.rows(); ++i) {
+    const auto input = inputs.row(i);
+    const double largest = input.cwiseAbs().maxCoeff();
+    if (!(input.maxCoeff() - input.minCoeff() > kConstantInput * largest)) {
+      scales.deviation[i] = 1.0;
+    }
   }
   return scales;
 }
