@@ -99,7 +99,9 @@ struct MinimizerSummary {
 // Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
 //          finite) ends the run with ceres::FAILURE and a message that names
 //          the iteration; the blocks then have the last state at which all of
-//          these were finite, and the failed step is not recorded.
+//          these were finite, and the failed step is not recorded. A rule that
+//          makes no step because no trial has a finite cost has not converged
+//          (ceres::NO_CONVERGENCE).
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               ceres::Problem* problem,

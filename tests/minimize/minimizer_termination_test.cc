@@ -8,6 +8,7 @@
 #include "ceres/iteration_callback.h"
 #include "gtest/gtest.h"
 #include "invgrad/minimize.h"
+#include "invgrad/rules.h"
 #include "tests/minimize/parabola.h"
 #include "tests/support/function_rule.h"
 
@@ -61,6 +62,49 @@ TEST(Minimizer, ParameterTolerance) {
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(summary.num_steps(), 2);
   EXPECT_NE(summary.message.find("Parameter tolerance"), std::string::npos);
+}
+
+// sqrt(x) + 1, which has no value for x < 0.
+struct Root {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    using std::sqrt;
+    if (!(x[0] > 0.0)) return false;
+    r[0] = sqrt(x[0]) + 1.0;
+    return true;
+  }
+};
+
+TEST(Minimizer, WithoutAFiniteTrialARuleHasNotConverged) {
+  for (const std::string rule : {"geodesic", "ssbroyden"}) {
+    double x = 1e-60;  // every trial is longer
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Root, 1, 1>(new Root), nullptr, &x);
+    MinimizerSummary summary;
+    Minimize(MinimizerOptions(), MakeRule(rule).get(), &problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE) << rule;
+    EXPECT_EQ(summary.message.find("The rule has found no step"), 0u)
+        << summary.message;
+    EXPECT_EQ(x, 1e-60);
+  }
+}
+
+// Where trials have values and none is lower, this is a minimum up to rounding.
+TEST(Minimizer, WithFiniteTrialsAZeroStepIsConvergence) {
+  Line line;
+  line.Add(1.0, 0.0);
+  LinearizationParts needs = LinearizationParts::Gradient();
+  needs.after = true;
+  FunctionRule rule(
+      needs, [](const Linearization& at_x, auto* step, std::string* error) {
+        Linearization after;
+        step->setZero(1);
+        return at_x.after(*step, LinearizationParts(), &after, error);
+      });
+  MinimizerSummary summary;
+  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
 }
 
 TEST(Minimizer, TimeBudget) {

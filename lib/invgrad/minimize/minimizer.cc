@@ -167,6 +167,13 @@ class Run {
     iteration.step_is_successful = !was_undone_;
     if (!Record(&iteration)) return false;
     if (was_undone_) return true;
+    if (iteration.step_norm == 0.0 && num_trials_ > 0 && !has_finite_trial_) {
+      return Terminate(
+          ceres::NO_CONVERGENCE,
+          fmt::format("The rule has found no step: the cost is not finite at "
+                      "any trial. Number of trials: {}",
+                      num_trials_));
+    }
     const double function_tolerance = options_.function_tolerance;
     if (function_tolerance > 0.0 &&
         std::abs(iteration.cost_change) <= function_tolerance * cost) {
@@ -193,8 +200,15 @@ class Run {
   // rule undoes the step.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
-    AddProductsAndTrials(
-        parts_, objective_->State(), AfterOf(objective_), &at_x_);
+    num_trials_ = 0;
+    has_finite_trial_ = false;
+    const auto trial = [this, after = AfterOf(objective_)](auto&&... parts) {
+      const bool is_finite = after(parts...);
+      ++num_trials_;
+      has_finite_trial_ = has_finite_trial_ || is_finite;
+      return is_finite;
+    };
+    AddProductsAndTrials(parts_, objective_->State(), trial, &at_x_);
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
     CHECK_EQ(step.size(), objective_->num_parameters());
     if (!step.allFinite()) {
@@ -274,6 +288,9 @@ class Run {
   Linearization at_x_;
   Eigen::VectorXd state_;    // the last state with a finite linearization
   bool was_undone_ = false;  // the last step
+  // Of the last step.
+  int num_trials_ = 0;
+  bool has_finite_trial_ = false;
   const Clock::time_point start_ = Clock::now();
   Clock::time_point iteration_start_ = start_;
 };
