@@ -54,6 +54,7 @@ struct LinearizationParts {
   bool by_cholesky = false;
   bool uses_sparsity = false;  // of J, if it is stored so, in the factorization
   int num_products = 0;
+  int num_squares = 0;  // of n x n numbers that the rule keeps
 
   static LinearizationParts Gradient() {
     LinearizationParts parts;

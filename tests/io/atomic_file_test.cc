@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "gtest/gtest.h"
 #include "tests/support/temporary_folder.h"
@@ -27,6 +29,15 @@ TEST(AtomicFile, RoundTripReplacesAndLeavesNothingElse) {
     EXPECT_EQ(back, content);
     EXPECT_EQ(folder.NumFiles(), 1);
   }
+}
+
+TEST(AtomicFile, WritesPartAfterPart) {
+  const TemporaryFolder folder;
+  const std::vector<std::string_view> parts = {"a", {}, "bc"};
+  std::string error, back;
+  ASSERT_TRUE(WriteFile(folder / "file", parts, &error)) << error;
+  ASSERT_TRUE(ReadFile(folder / "file", &back, &error)) << error;
+  EXPECT_EQ(back, "abc");
 }
 
 TEST(AtomicFile, PermissionsFollowTheUmask) {

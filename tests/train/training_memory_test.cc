@@ -12,6 +12,7 @@
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "tests/support/function_rule.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace training_memory_test {
@@ -53,6 +54,7 @@ TEST(TrainingMemory, CountsTheMatricesOfAStep) {
             part);
       };
   EXPECT_EQ(bytes("newton", kHessian, 10), 4.0 * 8.0 * 33 * 33);
+  EXPECT_EQ(bytes("ssbroyden", "matrices of the rule", 10), 8.0 * 33 * 33);
   for (const char* rule : {"half_inverse", "geodesic", "determined"}) {
     EXPECT_EQ(bytes(rule, "factors of J", 10), 8.0 * 30 * 5) << rule;
     EXPECT_EQ(bytes(rule, kGram, 10), 2.0 * 8.0 * 30 * 30) << rule;
@@ -102,13 +104,15 @@ TEST(TrainingMemory, HoldsForAnySize) {
 // A run of the first batch size of `batch_size` or none.
 std::string TrainError(const std::string& method,
                        int batch_size,
-                       double memory_limit) {
+                       double memory_limit,
+                       const std::string& checkpoint_path = "") {
   const Model model = MakeModel({20, 40, 10});
   const DataSet train = MakeData(model, 400);
   TrainOptions options;
   options.batch_size = batch_size;
   options.max_num_steps = 1;
   options.memory_limit = memory_limit;
+  options.checkpoint_path = checkpoint_path;
   options.initial_weights =
       Eigen::VectorXd::Constant(model.num_weights(), 0.01);
   const TrainResult result = Train(model, train, method, options);
@@ -131,6 +135,17 @@ TEST(TrainingFits, RefusesABatchBeforeTheFirstStep) {
   EXPECT_EQ(TrainError("half_inverse:route=gram", 40, 20e6), "");
   EXPECT_EQ(TrainError("adam", 400, 20e6), "");
   EXPECT_EQ(TrainError("adam", 400, 0.0), "");
+}
+
+// n^2 numbers take 12.5 MB, and as much in a checkpoint.
+TEST(TrainingFits, CountsWhatARuleKeeps) {
+  EXPECT_NE(TrainError("ssbroyden", 0, 10e6).find("matrices of the rule 12"),
+            std::string::npos);
+  EXPECT_EQ(TrainError("ssbroyden", 0, 20e6), "");
+  const TemporaryFolder folder;
+  EXPECT_NE(TrainError("ssbroyden", 0, 20e6, folder / "checkpoint")
+                .find("checkpoint 12"),
+            std::string::npos);
 }
 
 TEST(TrainingFits, HoldsForPullBacksAndCeresToo) {

@@ -34,6 +34,10 @@ double StepOperations(const LinearizationParts& needs,
          (12.0 * num_entries + 25.0 * cols);
 }
 
+double MatrixBytes(const LinearizationParts& needs, double cols) {
+  return sizeof(double) * needs.num_squares * cols * cols;
+}
+
 std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
                                    double rows,
                                    double cols,
@@ -47,6 +51,9 @@ std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
     // With LAPACK's workspace.
     parts.push_back(
         {"Hessian and its factorization", 4.0 * kDouble * cols * cols});
+  }
+  if (needs.num_squares > 0) {
+    parts.push_back({"matrices of the rule", MatrixBytes(needs, cols)});
   }
   if (IsSparse(needs, num_entries)) {
     parts.push_back({"J^T J and its factor, if they are sparse",

@@ -7,6 +7,7 @@
 //   of a sparse J   500 operations and 100 bytes for each entry of J; a factor
 //                   with much fill needs more (cholmod_factor.h)
 //   Hessian         10 n^3 operations, 32 n^2 bytes
+//   what it keeps   8 n^2 bytes for each matrix
 //   a product       12 operations for each entry of J, and 25 n; at most 2 k
 //                   products
 //
@@ -30,6 +31,9 @@ double StepOperations(const LinearizationParts& needs,
                       double rows,
                       double cols,
                       double num_entries);
+
+// Of the matrices that the rule keeps from step to step.
+double MatrixBytes(const LinearizationParts& needs, double cols);
 
 // Of each of `num_ranks` that share the rows; the linearization not included.
 std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,

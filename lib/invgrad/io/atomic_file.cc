@@ -41,6 +41,12 @@ std::FILE* OpenTemporary(const std::string& path, std::string* temporary) {
 bool WriteFile(const std::string& path,
                std::string_view bytes,
                std::string* error) {
+  return WriteFile(path, std::vector<std::string_view>{bytes}, error);
+}
+
+bool WriteFile(const std::string& path,
+               const std::vector<std::string_view>& parts,
+               std::string* error) {
   std::string temporary;
   std::FILE* const file = OpenTemporary(path, &temporary);
   // Reports the first error; closes in any case.
@@ -50,8 +56,11 @@ bool WriteFile(const std::string& path,
   };
   check(file != nullptr);
   if (file != nullptr) {
-    check(std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size() &&
-          std::fflush(file) == 0 && fsync(fileno(file)) == 0);
+    for (const std::string_view part : parts) {
+      check(part.empty() ||
+            std::fwrite(part.data(), 1, part.size(), file) == part.size());
+    }
+    check(std::fflush(file) == 0 && fsync(fileno(file)) == 0);
     check(std::fclose(file) == 0);
     if (error_number == 0) {
       check(std::rename(temporary.c_str(), path.c_str()) == 0);

@@ -14,11 +14,16 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace invgrad {
 
 bool WriteFile(const std::string& path,
                std::string_view bytes,
+               std::string* error);
+// One part after the other.
+bool WriteFile(const std::string& path,
+               const std::vector<std::string_view>& parts,
                std::string* error);
 
 // The path that a file was to be renamed to, if its name is that of a temporary

@@ -118,6 +118,7 @@ class SsBroydenRule final : public UpdateRule {
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Gradient();
     parts.after = true;
+    parts.num_squares = 1;
     return parts;
   }
   std::vector<VectorXd*> MutableState() override { return {&H_}; }

@@ -104,18 +104,22 @@ bool AreCounts(const Eigen::VectorXd& values, double max) {
 bool StateArchive::Write(const std::string& path,
                          const RunIdentity& identity,
                          std::string* error) const {
-  std::string bytes = fmt::format("{}\n{}\n", identity.text(), arrays_.size());
+  std::string header = fmt::format("{}\n{}\n", identity.text(), arrays_.size());
   for (const auto& [name, array] : arrays_) {
-    bytes += fmt::format("{} {}\n", name, array.size());
+    header += fmt::format("{} {}\n", name, array.size());
   }
+  // The arrays may be large: they are not copied.
+  std::vector<std::string_view> parts = {"", header};
   for (const auto& [name, array] : arrays_) {
-    bytes.append(reinterpret_cast<const char*>(array.data()),
-                 array.size() * sizeof(double));
+    parts.emplace_back(reinterpret_cast<const char*>(array.data()),
+                       array.size() * sizeof(double));
   }
-  bytes.insert(
-      0,
-      fmt::format("{}{}\n{}\n", kProgram, kVersion, Digest().Add(bytes).Hex()));
-  return WriteFile(path, bytes, error);
+  Digest digest;
+  for (const std::string_view part : parts) digest.Add(part);
+  const std::string first =
+      fmt::format("{}{}\n{}\n", kProgram, kVersion, digest.Hex());
+  parts[0] = first;
+  return WriteFile(path, parts, error);
 }
 
 StateArchive StateArchive::Read(const std::string& path,

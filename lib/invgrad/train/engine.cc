@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/core/step_cost.h"
 #include "invgrad/cost.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/internal/communicator.h"
@@ -321,6 +322,9 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   const OutputLayerPlan output_layer =
       PlanOutputLayer(phase, rule.get(), model, data, is_proxy, batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
+  if (!options.checkpoint_path.empty()) {
+    parts.push_back({"checkpoint", MatrixBytes(needs, model.num_weights())});
+  }
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
             data,
