@@ -153,7 +153,10 @@ struct TrainingData {
 
 struct TrainOptions {
   static constexpr int kDefaultBatchSize = 32;
-  int batch_size = -1;  // 0: all samples; -1: 32, or all if there are fewer
+  // 0: all samples; -1: 32, or all if there are fewer. Samples at the end of an
+  // epoch that do not fill a batch are left out of it: without `shuffle` these
+  // are the same in every epoch, as the message of the run says.
+  int batch_size = -1;
 
   // A new order each epoch, np.random.permutation of a stream of the seed.
   bool shuffle = false;

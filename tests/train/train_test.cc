@@ -189,5 +189,20 @@ TEST(Trainer, CallbacksEndTheRunAsInCeres) {
   }
 }
 
+// Those that fill no batch.
+TEST(Trainer, SaysWhichSamplesAreInNoStep) {
+  const Regression problem;
+  const auto message = [&](int batch_size, bool shuffle) {
+    TrainOptions options = Epochs(2, batch_size);
+    options.shuffle = shuffle;
+    return Train(problem.model, problem.train, "adam", options).summary.message;
+  };
+  EXPECT_EQ(message(5, false),
+            "epochs done; the last 4 of 24 samples are in no step");
+  EXPECT_EQ(message(5, true), "epochs done");
+  EXPECT_EQ(message(6, false), "epochs done");
+  EXPECT_EQ(message(0, false), "epochs done");
+}
+
 }  // namespace train_test
 }  // namespace invgrad

@@ -174,6 +174,17 @@ std::vector<MemoryPart> StepParts(const Model& model,
   return parts;
 }
 
+// What the run says of samples that fill no batch; empty: all are in steps.
+std::string LeftOut(const TrainingData& data,
+                    int batch_size,
+                    const TrainOptions& options) {
+  const int num_samples = data.train.num_samples();
+  const int num_left_out = num_samples % batch_size;
+  if (options.shuffle || data.source != nullptr || num_left_out == 0) return "";
+  return fmt::format(
+      "the last {} of {} samples are in no step", num_left_out, num_samples);
+}
+
 // Why there is no other batch size to race; empty: there is.
 std::string WhyNoRace(const TrainingData& data, int batch_size) {
   return batch_size == data.train.num_samples() ? "all samples are in each step"
@@ -348,10 +359,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                              &model,
                                              &data);
   if (!is_raced) {
-    if (phase.races_batch_size) {
-      engine->set_remark(
-          fmt::format("batch size {}, not raced: {}", batch_size, why_no_race));
-    }
+    engine->set_remark(phase.races_batch_size
+                           ? fmt::format("batch size {}, not raced: {}",
+                                         batch_size,
+                                         why_no_race)
+                           : LeftOut(data, batch_size, options));
     return engine;
   }
   const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](
