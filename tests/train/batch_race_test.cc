@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "ceres/iteration_callback.h"
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
 #include "invgrad/rules.h"
@@ -480,10 +481,23 @@ class ForThreeSamples final : public UpdateRule {
   }
 };
 
+// Ends the run at a cost of zero.
+class StopAtZero final : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    return iteration.cost == 0.0 ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                 : ceres::SOLVER_CONTINUE;
+  }
+};
+
 TEST(RacedTraining, ASliceThatFailsLoses) {
   RegisterRule<ForThreeSamples>("for_three_samples", "step = -gradient / 100");
+  StopAtZero callback;  // its failing step has the cost of the batch
+  TrainOptions options = Epochs(100, 3);
+  options.callbacks = {&callback};
   const TrainResult result =
-      TrainRaced("for_three_samples:batch_size=auto", Epochs(100, 3));
+      TrainRaced("for_three_samples:batch_size=auto", options);
   EXPECT_EQ(result.summary.message, "epochs done; batch size 3");
   EXPECT_LT(result.history.back().train_loss,
             result.history.front().train_loss);

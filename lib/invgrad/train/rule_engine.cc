@@ -42,6 +42,7 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
     ledger_.SetBefore(*weights);
     result.batch_loss = at_weights.cost;
   }
+  result.iteration.cost = result.batch_loss;
   const long num_undone = ledger_.num_undone();
   const auto undo = [&](const Eigen::VectorXd& before) {
     ledger_.Undo(UndoReason::kJudged, before, weights);
@@ -61,7 +62,6 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   result.iteration.step_is_valid = true;
   result.iteration.step_is_successful =
       !is_left_out && ledger_.num_undone() == num_undone;
-  result.iteration.cost = result.batch_loss;
   if (at_weights.gradient.size() > 0) {
     result.iteration.gradient_max_norm =
         at_weights.gradient.lpNorm<Eigen::Infinity>();

@@ -87,6 +87,12 @@ Engine::StepResult TrainingRun::Impl::EngineStep() {
   return result;
 }
 
+void TrainingRun::Impl::ShareClock() {
+  if (options_.communicator == nullptr) return;
+  if (!is_first_rank()) state_.seconds = 0.0;
+  options_.communicator->Sum(&state_.seconds, 1);
+}
+
 void TrainingRun::Impl::AddCalls() {
   if (options_.communicator != nullptr) {
     options_.communicator->Sum(&new_calls_, 1);

@@ -162,6 +162,7 @@ bool TrainingRun::Impl::TakeStep() {
     if (HandOver() ||
         engine().Undo(
             UndoReason::kNoLoss, state_.best_weights, &state_.weights)) {
+      ShareClock();
       return IsRunning() && TakeStep();
     }
     End(ceres::FAILURE,

@@ -147,6 +147,7 @@ class TrainingRun::Impl {
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   void SaveIfDue();
+  bool IsCheckpointDue() const;  // by the clock of this rank
   // Evaluates and saves the final state. `message` counts steps from the start
   // of the phase.
   void End(ceres::TerminationType type, const std::string& message);
