@@ -367,7 +367,7 @@ TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
                                      "step = -gradient / 10, or 0");
   const Regression problem;
   int num_within = 0;
-  for (long steps = 5; steps < 80; ++steps) {
+  for (long steps = 80; steps < 400; ++steps) {
     TrainOptions options = Epochs(1000000, 3);
     options.max_num_steps = steps;
     const TrainResult result =

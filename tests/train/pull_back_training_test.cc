@@ -209,7 +209,7 @@ TEST(PullBackTraining, AStepInYHasNoCostToCompare) {
                                  "hessian_free",
                                  "half_inverse:control=gain"}) {
     SCOPED_TRACE(rule);
-    for (const std::string method :
+    for (const std::string& method :
          {"newton/joint/" + rule,
           "gradient/joint/" + rule + ":y_step_size=2"}) {
       EXPECT_EQ(TrainInUnits(1.0, method).error.find("the rule compares costs"),
