@@ -25,8 +25,8 @@
 // only be the last phase. train.h says how phases follow each other in a run.
 // batch_size=auto, the default of rules with RuleRow::races_batch_size, begins
 // with the run's batch size, or with fewer samples if these have many outputs,
-// and races it against others (train/batch_race.h). Such a run reports its last
-// weights or a running mean of them (train/raced_engine.h).
+// and races it against others (train/batch_race.h). Such a run reports the best
+// weights that it has evaluated (train/raced_engine.h).
 #ifndef INVGRAD_METHOD_H_
 #define INVGRAD_METHOD_H_
 

@@ -16,8 +16,8 @@
 //
 //   geodesic   no limit: for all samples in each step, and for ceres::Solve
 //   adaptive   a tenth of |x|, and in training a raced batch size
-//              (batch_race.h), with which a run reports its last weights or a
-//              running mean of them: for batches, with nothing to set
+//              (batch_race.h), with which a run reports the best weights that it
+//              has evaluated: for batches, with nothing to set
 //
 //   dense J    v + a if L is lower there than at v. Of lambda = 1/2, 2, 8, ..
 //              times the last one.
