@@ -22,8 +22,8 @@
 // the cost rises. f_b is then that of root_loss.h, and Phi and A are its
 // derivatives; as Phi^T f = 0, Kaufman's Jacobian gives the exact gradient
 // here, too. A loss that is much narrower than the residuals is close to the L1
-// norm: reweighting then ends at 200, above the minimum, and the gradient has an
-// error, of about a percent in one example.
+// norm: reweighting then ends at 200, above the minimum. The gradient has an
+// error then, of 0.25 % for losses of width 1e-6 at residuals of 0.05 to 2.
 // Reweighting starts from the c of the last state with a Jacobian, which an
 // accepted step leads to.
 //
