@@ -35,7 +35,7 @@ int ComponentResiduals::AddBlock(double* values,
   return number;
 }
 
-int ComponentResiduals::AddResidualBlock(
+void ComponentResiduals::AddResidualBlock(
     const ceres::CostFunction* cost_function,
     const ceres::LossFunction* loss_function,
     int index,
@@ -45,7 +45,6 @@ int ComponentResiduals::AddResidualBlock(
       {cost_function, loss_function, index, num_residuals_, size, blocks});
   num_residuals_ += size;
   has_loss_ = has_loss_ || loss_function != nullptr;
-  return static_cast<int>(residual_blocks_.size()) - 1;
 }
 
 bool ComponentResiduals::Evaluate(const double* const* alpha,

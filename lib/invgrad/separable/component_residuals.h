@@ -52,16 +52,16 @@ class ComponentResiduals {
     int component;
   };
 
-  // Both return the index of what they add. A block is added once; `is_linear`
-  // has an entry for each of its parameters.
+  // Returns the index of the block, which is added once. `is_linear` has an
+  // entry for each of its parameters.
   int AddBlock(double* values,
                int size,
                int index,
                const std::vector<bool>& is_linear);
-  int AddResidualBlock(const ceres::CostFunction* cost_function,
-                       const ceres::LossFunction* loss_function,
-                       int index,
-                       const std::vector<int>& blocks);
+  void AddResidualBlock(const ceres::CostFunction* cost_function,
+                        const ceres::LossFunction* loss_function,
+                        int index,
+                        const std::vector<int>& blocks);
 
   const std::vector<Block>& blocks() const { return blocks_; }
   const std::vector<ResidualBlock>& residual_blocks() const {
