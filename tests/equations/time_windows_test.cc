@@ -110,5 +110,41 @@ TEST(TimeWindows, RefuseASecondDerivativeInTime) {
   EXPECT_TRUE(solve({0.0, 1.0})) << error;
 }
 
+// An equation keeps several copies of its start, as those of the problems do.
+TEST(TimeWindows, CopiesOfAStartDoNotMultiply) {
+  const auto token = std::make_shared<int>();
+  const InputFunction start = [token](const InputJet* a, InputJet* u) {
+    DecayStart(a, u);
+  };
+  const auto make_equation = [](const TimeWindow& window) {
+    Equation equation = Window(window);
+    equation.trial.distance = [window](const InputJet* a, InputJet* d) {
+      d[0] = a[0] - window.begin;
+    };
+    equation.terms[0].points = GaussPoints(
+        {Eigen::Vector2d(window.begin, -1.0), Eigen::Vector2d(window.end, 1.0)},
+        {1, 1});
+    return equation;
+  };
+  const auto copies_of_start = [&](int num_windows) {
+    std::vector<double> times;
+    for (int k = 0; k <= num_windows; ++k) times.push_back(k);
+    TrainOptions options;
+    options.max_num_steps = 1;
+    WindowSolutions solutions;
+    std::string error;
+    EXPECT_TRUE(SolveInWindows(times,
+                               start,
+                               make_equation,
+                               "gradient_descent:step_size=1e-3",
+                               options,
+                               &solutions,
+                               &error))
+        << error;
+    return token.use_count();
+  };
+  EXPECT_EQ(copies_of_start(2), copies_of_start(8));
+}
+
 }  // namespace time_windows_test
 }  // namespace invgrad

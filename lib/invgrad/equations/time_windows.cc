@@ -15,18 +15,28 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// u of a trained window at its end, as the start of the next one.
+// u of a trained window at its end, as the start of the next one. Its copies,
+// of which an equation may keep several, share all windows before it.
 InputFunction EndOf(const Equation& equation,
                     const VectorXd& weights,
                     double end) {
-  const auto model = std::make_shared<const Model>(EquationModel(equation));
-  return [trial = equation.trial, model, weights, end](const InputJet* point,
-                                                       InputJet* u) {
+  struct Window {
+    TrialFunction trial;
+    Model model;
+    VectorXd weights;
+  };
+  const auto window = std::make_shared<const Window>(
+      Window{equation.trial, EquationModel(equation), weights});
+  return [window, end](const InputJet* point, InputJet* u) {
+    const TrialFunction& trial = window->trial;
     std::vector<InputJet> at_end(point,
                                  point + trial.derivatives->num_variables());
     at_end[0] = InputJet(end);
-    EvaluateTrialFunction(
-        trial, *model->dense_network(), weights, at_end.data(), u);
+    EvaluateTrialFunction(trial,
+                          *window->model.dense_network(),
+                          window->weights,
+                          at_end.data(),
+                          u);
   };
 }
 
