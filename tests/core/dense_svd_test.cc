@@ -81,5 +81,16 @@ TEST(DenseSvd, WhatIsNotFiniteFails) {
   }
 }
 
+TEST(DenseSvd, SingularValuesThatOverflowFail) {
+  for (const auto& [m, n] : kShapes) {
+    if (m * n < 4) continue;  // s = 1.7e308 is finite
+    const MatrixXd A = MatrixXd::Constant(m, n, 1.7e308);
+    DenseSvd svd;
+    *svd.mutable_matrix() = A;
+    EXPECT_FALSE(svd.Compute()) << m << " x " << n;
+    EXPECT_TRUE(SingularValues(A).array().isNaN().all()) << m << " x " << n;
+  }
+}
+
 }  // namespace dense_svd_test
 }  // namespace invgrad

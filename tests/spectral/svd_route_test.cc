@@ -77,5 +77,30 @@ TEST(SvdRoute, RankDeficientMatrices) {
   }
 }
 
+// phi(s) = 1/s overflows, or s itself.
+TEST(SvdRoute, ReturnsFalseWhereTheStepOrTheSvdOverflows) {
+  RandomMatrices random(2);
+  for (const auto& [m, n] :
+       std::vector<std::pair<int, int>>{{10, 40}, {40, 10}, {20, 20}}) {
+    const MatrixXd J =
+        random.WithSpectrum(m, n, VectorXd::Ones(std::min(m, n)));
+    for (const double scale : {1e-310, 1.7e308}) {
+      SCOPED_TRACE(std::to_string(m) + " x " + std::to_string(n));
+      const MatrixXd scaled = scale < 1.0
+                                  ? MatrixXd(scale * J)
+                                  : MatrixXd::Constant(m, n, scale);  // s = inf
+      SpectralStepSummary summary;
+      VectorXd d;
+      EXPECT_FALSE(SpectralStep(DenseJacobian(scaled),
+                                VectorXd::Ones(m),
+                                SpectralFilter::GaussNewton(1e-6),
+                                Take(SpectralRoute::kSvd),
+                                &d,
+                                &summary));
+      EXPECT_FALSE(summary.message.empty());
+    }
+  }
+}
+
 }  // namespace svd_route_test
 }  // namespace invgrad

@@ -22,7 +22,7 @@ lapack_int LeadingDimension(const MatrixXd& A) {
 // From 11 / 6 on, dgesdd does the same but also forms Q.
 bool IsTall(const MatrixXd& A) { return 6 * A.rows() >= 11 * A.cols(); }
 
-// Replaces A by its reflectors and sets R. False if A is not finite.
+// Replaces A by its reflectors and sets R. False if A or R is not finite.
 bool Factorize(MatrixXd* A, VectorXd* tau, MatrixXd* R) {
   const Index n = A->cols();
   tau->resize(n);
@@ -36,7 +36,7 @@ bool Factorize(MatrixXd* A, VectorXd* tau, MatrixXd* R) {
   }
   R->setZero(n, n);
   R->triangularView<Eigen::Upper>() = A->topRows(n);
-  return true;
+  return R->allFinite();
 }
 
 }  // namespace
@@ -67,7 +67,7 @@ bool DenseSvd::Compute() {
                      LeadingDimension(W_),
                      Vt_.data(),
                      LeadingDimension(Vt_)) == 0) {
-    return true;
+    return s_.allFinite();
   }
   // Divide and conquer can fail for a finite matrix: OpenBLAS' Prescott kernels
   // round so that one of 433 x 256, on which the others converge, makes it give
@@ -85,7 +85,8 @@ bool DenseSvd::Compute() {
                         LeadingDimension(W_),
                         Vt_.data(),
                         LeadingDimension(Vt_),
-                        superdiagonal.data()) == 0;
+                        superdiagonal.data()) == 0 &&
+         s_.allFinite();
 }
 
 MatrixXd DenseSvd::U() const {
@@ -136,7 +137,8 @@ VectorXd SingularValues(MatrixXd A) {
                      &unused,
                      1,
                      &unused,
-                     1) != 0) {
+                     1) != 0 ||
+      !s.allFinite()) {
     s.setConstant(std::numeric_limits<double>::quiet_NaN());
   }
   return s;

@@ -12,8 +12,8 @@
 // Shapes:  A: m x n;  U: m x k;  s: k, descending;  V: n x k;  k = min(m, n).
 // Cost:    2 m n^2 + 22 n^3 for m >= n. A second matrix of the same size
 //          allocates nothing.
-// Fails:   Compute returns false if A is not finite, or if neither divide and
-//          conquer nor QR iterations converge.
+// Fails:   Compute returns false if A is not finite, if R or s overflows, or if
+//          neither divide and conquer nor QR iterations converge.
 //
 // For single samples see small_svd.h, for steps spectral.h.
 //

@@ -41,7 +41,8 @@ bool SvdRoute(const SpectralProblem& problem) {
     problem.J.ToDense(svd.mutable_matrix());
   }
   if (!svd.Compute()) {
-    *message = "the SVD of J did not converge: dgesdd and dgesvd failed";
+    *message =
+        "the SVD of J overflows, or did not converge (dgesdd and dgesvd)";
     return false;
   }
   const VectorXd& s = svd.s();
@@ -67,6 +68,8 @@ bool SvdRoute(const SpectralProblem& problem) {
   d->setZero(n);
   if (wide) {
     Gemv(Op::kNone, 1.0, W, filtered, 0.0, d->head(W.rows()));
+    // ApplyQ needs finite numbers.
+    if (!CheckFinite("the step", *d, message)) return false;
     svd.ApplyQ(false, *d);
   } else {
     Gemv(Op::kTranspose, 1.0, svd.Vt(), filtered, 0.0, *d);
