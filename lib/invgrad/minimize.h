@@ -99,8 +99,9 @@ struct MinimizerSummary {
 // Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
 //          finite) ends the run with ceres::FAILURE and a message that names
 //          the iteration; the blocks then have the last state at which all of
-//          these were finite, and the failed step is not recorded. A rule that
-//          makes no step because no trial has a finite cost has not converged
+//          these were finite, and the failed step is not recorded. A problem
+//          with bounds ends in the same way at its start. A rule that makes no
+//          step because no trial has a finite cost has not converged
 //          (ceres::NO_CONVERGENCE).
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
@@ -175,8 +176,9 @@ class PointObjective final : public Objective {
 //
 // Fails:   returns false, before anything runs, if the method does not apply
 //          (phases, batches; for a problem pull-backs), if its rule cannot
-//          propose steps for this problem (UpdateCallback::IsSupported), or if
-//          J, a dense solver or BFGS needs more than the available memory.
+//          propose steps for this problem (UpdateCallback::IsSupported), if a
+//          rule alone would leave bounds of the problem, or if J, a dense solver
+//          or BFGS needs more than the available memory.
 
 // Whether the method applies to a problem without a chain; if not, *error gives
 // the reason.

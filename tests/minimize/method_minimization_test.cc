@@ -115,6 +115,22 @@ TEST_F(ProblemMinimization, RefusesWhatNeedsAChain) {
   }
 }
 
+// Ceres projects onto bounds, and nothing does so after the steps of a rule.
+TEST_F(ProblemMinimization, RulesAloneRefuseBounds) {
+  problem_.SetParameterUpperBound(x_, 0, 0.5);
+  for (const char* text : {"geodesic", "gauss_newton", "adam"}) {
+    EXPECT_FALSE(Run(ParseMethod(text))) << text;
+    EXPECT_EQ(error_.find("the problem has bounds"), 0u) << error_;
+    EXPECT_EQ(x_[0], -1.2);
+  }
+  for (const char* text : {"ceres_lm", "ceres_lm+geodesic"}) {
+    ASSERT_TRUE(Run(ParseMethod(text))) << error_;
+    EXPECT_EQ(x_[0], 0.5) << text;
+  }
+  problem_.SetParameterBlockConstant(x_);
+  EXPECT_TRUE(Run(ParseMethod("geodesic"))) << error_;
+}
+
 // 200,000 unknowns: 320 GB a dense matrix. Held constant they are none.
 TEST_F(ProblemMinimization, RefusesMatricesThatDoNotFit) {
   std::vector<double> many(200000, 0.0);

@@ -266,6 +266,20 @@ TEST(Minimizer, BadStart) {
   EXPECT_NE(summary.message.find("residual block 0"), std::string::npos);
 }
 
+// Nothing projects after a step.
+TEST(Minimizer, BoundsAreRefused) {
+  Line line;
+  line.Add(1.0, 0.0);
+  line.problem.SetParameterLowerBound(&line.x, 0, 1.0);
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(summary.message.find("no start: the problem has bounds"), 0u)
+      << summary.message;
+  EXPECT_EQ(line.x, 3.0);
+}
+
 TEST(Minimizer, NothingToChange) {
   Line line;
   line.Add(1.0, 0.0);

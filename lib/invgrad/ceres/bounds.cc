@@ -29,4 +29,14 @@ void Bounds::Project(Eigen::VectorXd* state) const {
   *state = state->cwiseMax(lower_).cwiseMin(upper_);
 }
 
+bool IsWithoutBounds(const ceres::Problem& problem,
+                     const ProblemStructure& structure,
+                     std::string* error) {
+  if (!Bounds(problem, structure).any()) return true;
+  *error =
+      "the problem has bounds, which the steps of a rule alone do not keep; "
+      "take its steps as proposals to Ceres, as in ceres_lm+geodesic";
+  return false;
+}
+
 }  // namespace invgrad

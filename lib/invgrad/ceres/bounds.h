@@ -5,6 +5,8 @@
 #ifndef INVGRAD_CERES_BOUNDS_H_
 #define INVGRAD_CERES_BOUNDS_H_
 
+#include <string>
+
 #include "Eigen/Core"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_structure.h"
@@ -25,6 +27,12 @@ class Bounds {
   Eigen::VectorXd lower_;
   Eigen::VectorXd upper_;
 };
+
+// Whether the steps of a rule, after which nothing projects, may be taken. False,
+// with *error, if a block that is not constant has a bound.
+bool IsWithoutBounds(const ceres::Problem& problem,
+                     const ProblemStructure& structure,
+                     std::string* error);
 
 }  // namespace invgrad
 

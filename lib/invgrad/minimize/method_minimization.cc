@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "ceres/types.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/model_function.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/cost.h"
@@ -246,6 +247,9 @@ bool MinimizeProblem(
   if (!IsForProblems(method, error)) return false;
   const Phase& phase = method.last_phase();
   if (phase.ceres == nullptr) {
+    if (!IsWithoutBounds(*problem, ReadStructure(*problem, {}), error)) {
+      return false;
+    }
     Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }

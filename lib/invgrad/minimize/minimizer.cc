@@ -6,6 +6,7 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/memory_limit.h"
@@ -326,6 +327,13 @@ void Minimize(const MinimizerOptions& options,
                                {options.residual_blocks,
                                 /*apply_loss_function=*/true,
                                 options.evaluation_callback});
+  std::string error;
+  if (!IsWithoutBounds(*problem, linearizer.structure(), &error)) {
+    CHECK(summary != nullptr);
+    *summary = MinimizerSummary();
+    summary->message = "no start: " + error;
+    return;
+  }
   Minimize(options, rule, &linearizer, summary);
 }
 
