@@ -6,26 +6,40 @@
 #include <unordered_set>
 #include <utility>
 
-#include "fmt/ranges.h"
+#include "fmt/core.h"
 #include "invgrad/core/specification.h"
 #include "problems/estimation/text_cursor.h"
 
 namespace invgrad {
 namespace {
 
-constexpr std::string_view kBlank = " \t\r";
+constexpr std::string_view kBlank = " \t\r\v\f";  // as Trimmed
 
-std::string_view WithoutBlanks(std::string_view text) {
-  const std::size_t begin =
-      std::min(text.find_first_not_of(kBlank), text.size());
-  const std::size_t end = text.find_last_not_of(kBlank);
-  return end == std::string_view::npos ? std::string_view()
-                                       : text.substr(begin, end + 1 - begin);
+// In the order in which a line chooses.
+constexpr std::string_view kSeparators = ";,\t ";
+
+// The position after the quotes that begin at `begin`, in which "" is a quote;
+// `begin` if none begin there, or if they do not end on the line.
+std::size_t EndOfQuotes(std::string_view line, std::size_t begin) {
+  if (begin >= line.size() || line[begin] != '"') return begin;
+  for (std::size_t i = begin + 1; i < line.size(); ++i) {
+    if (line[i] != '"') continue;
+    if (i + 1 == line.size() || line[i + 1] != '"') return i + 1;
+    ++i;
+  }
+  return begin;
 }
 
 char SeparatorOf(std::string_view line) {
-  for (const char separator : {';', ',', '\t'}) {
-    if (line.find(separator) != std::string_view::npos) return separator;
+  std::string unquoted;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const bool may_begin =
+        i == 0 || kSeparators.find(line[i - 1]) != std::string_view::npos;
+    if (may_begin) i = EndOfQuotes(line, i);
+    if (i < line.size()) unquoted += line[i];
+  }
+  for (const char separator : kSeparators) {
+    if (unquoted.find(separator) != std::string::npos) return separator;
   }
   return ' ';
 }
@@ -34,9 +48,38 @@ char SeparatorOf(std::string_view line) {
 std::size_t EndOfCell(std::string_view line,
                       std::size_t begin,
                       char separator) {
-  return std::min(separator == ' ' ? line.find_first_of(kBlank, begin)
-                                   : line.find(separator, begin),
+  const std::size_t first = line.find_first_not_of(" \r", begin);
+  const std::size_t after =
+      first < line.size() ? std::max(begin, EndOfQuotes(line, first)) : begin;
+  return std::min(separator == ' ' ? line.find_first_of(kBlank, after)
+                                   : line.find(separator, after),
                   line.size());
+}
+
+std::string WithoutQuotes(std::string_view cell) {
+  if (cell.size() < 2 || EndOfQuotes(cell, 0) != cell.size()) {
+    return std::string(cell);
+  }
+  std::string text;
+  for (std::size_t i = 1; i + 1 < cell.size(); ++i) {
+    text += cell[i];
+    if (cell[i] == '"') ++i;  // the second of two
+  }
+  return text;
+}
+
+// As WithoutQuotes reads back.
+std::string Quoted(const std::string& cell, char separator) {
+  const std::string_view separators =
+      kSeparators.substr(0, kSeparators.find(separator) + 1);
+  const bool is_plain = cell.find_first_of(separators) == std::string::npos &&
+                        cell.find('"') == std::string::npos &&
+                        cell.rfind('#', 0) != 0 && Trimmed(cell) == cell &&
+                        !(cell.empty() && separator == ' ');
+  if (is_plain) return cell;
+  std::string text = "\"";
+  for (const char c : cell) text += c == '"' ? "\"\"" : std::string(1, c);
+  return text + '"';
 }
 
 std::vector<std::string> CellsOf(std::string_view line, char separator) {
@@ -44,11 +87,7 @@ std::vector<std::string> CellsOf(std::string_view line, char separator) {
   std::size_t begin = 0;
   while (true) {
     const std::size_t end = EndOfCell(line, begin, separator);
-    std::string_view cell = WithoutBlanks(line.substr(begin, end - begin));
-    if (cell.size() > 1 && cell.front() == '"' && cell.back() == '"') {
-      cell = cell.substr(1, cell.size() - 2);
-    }
-    cells.emplace_back(cell);
+    cells.push_back(WithoutQuotes(Trimmed(line.substr(begin, end - begin))));
     if (end == line.size()) return cells;
     begin = separator == ' ' ? line.find_first_not_of(kBlank, end) : end + 1;
   }
@@ -68,11 +107,16 @@ bool CanStandInFormulas(const std::string& name) {
          });
 }
 
-// Returns false if two columns have the name *twice.
+// Whether the first row has the names of the columns.
+bool HasNames(const std::vector<std::string>& first) {
+  return std::none_of(first.begin(), first.end(), IsNumber);
+}
+
+// Returns false, with *what, if formulas could not tell the columns apart.
 bool NameColumns(const std::vector<std::string>& first,
                  DataTable* table,
-                 std::string* twice) {
-  if (std::all_of(first.begin(), first.end(), IsNumber)) {
+                 std::string* what) {
+  if (!HasNames(first)) {
     for (std::size_t k = 1; k <= first.size(); ++k) {
       table->names.push_back(fmt::format("c{}", k));
     }
@@ -80,12 +124,23 @@ bool NameColumns(const std::vector<std::string>& first,
   }
   std::unordered_set<std::string> names;
   for (const std::string& name : first) {
+    if (!CanStandInFormulas(name)) continue;
+    if (name == "pi") {
+      *what = "a column is called 'pi', as the number in formulas";
+      return false;
+    }
     if (names.insert(name).second) continue;
-    *twice = name;
+    *what = fmt::format("two columns are called '{}'", Printable(name, 40));
     return false;
   }
   table->names = first;
   return true;
+}
+
+// As formulas call the column.
+std::string ColumnName(const DataTable& table, int column) {
+  const std::string& name = table.names[column];
+  return CanStandInFormulas(name) ? name : fmt::format("c{}", column + 1);
 }
 
 }  // namespace
@@ -104,6 +159,14 @@ int DataTable::FindColumn(const std::string& name) const {
   return -1;
 }
 
+std::string DataTable::NewName(const std::string& name) const {
+  std::string unused = name;
+  for (int k = 2; FindColumn(unused) >= 0; ++k) {
+    unused = fmt::format("{}_{}", name, k);
+  }
+  return unused;
+}
+
 bool ParseTable(const std::string& text,
                 const std::string& file,
                 DataTable* table,
@@ -112,19 +175,17 @@ bool ParseTable(const std::string& text,
   DataTable read;
   bool is_first = true;
   while (cursor.NextLine()) {
-    const std::string_view line = WithoutBlanks(cursor.RestOfLine());
+    const std::string_view line = Trimmed(cursor.RestOfLine());
     if (line.empty() || line[0] == '#') continue;
     if (is_first) read.separator = SeparatorOf(line);
     std::vector<std::string> cells = CellsOf(line, read.separator);
     if (is_first) {
       is_first = false;
-      std::string twice;
-      if (!NameColumns(cells, &read, &twice)) {
-        cursor.Fail(
-            fmt::format("two columns are called '{}'", Printable(twice, 40)),
-            "another name for each");
+      std::string what;
+      if (!NameColumns(cells, &read, &what)) {
+        cursor.Fail(what, "another name for each");
       }
-      if (!std::all_of(cells.begin(), cells.end(), IsNumber)) continue;
+      if (HasNames(cells)) continue;
     }
     if (cells.size() != read.names.size()) {
       cursor.Fail(fmt::format("the row has {} cells", cells.size()),
@@ -152,18 +213,23 @@ bool ReadColumn(const DataTable& table,
         file,
         table.line_numbers[i],
         Printable(cell, 40),
-        Printable(table.names[column], 40));
+        Printable(ColumnName(table, column), 40));
     return false;
   }
   return true;
 }
 
 std::string TableText(const DataTable& table) {
-  const std::string separator(1, table.separator);
-  std::string text = fmt::format("{}\n", fmt::join(table.names, separator));
-  for (const std::vector<std::string>& row : table.rows) {
-    text += fmt::format("{}\n", fmt::join(row, separator));
-  }
+  std::string text;
+  const auto add = [&](const std::vector<std::string>& row) {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      if (k > 0) text += table.separator;
+      text += Quoted(row[k], table.separator);
+    }
+    text += '\n';
+  };
+  add(table.names);
+  for (const std::vector<std::string>& row : table.rows) add(row);
   return text;
 }
 

@@ -5,16 +5,17 @@
 //   0.5,1.25
 //
 // The first row decides: its separator is a semicolon, else a comma, else a tab,
-// if it has one, and white space otherwise; it has the names of the columns if
-// any of its cells is not a number. Without names, and with a name that cannot
-// stand in a formula, column k, from 1, is called ck. Quotes around a cell are
-// removed; blank lines and lines that start with # are
-// skipped.
+// if it has one outside of quotes, and white space otherwise; it has the names
+// of the columns if none of its cells is a number. Without names, and with a
+// name that cannot stand in a formula, column k, from 1, is called ck. Quotes
+// around a cell are removed: separators in them are text, and "" is a quote.
+// Blank lines and lines that start with # are skipped.
 //
 // Cost:    linear in the size of the text, which also bounds the memory.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if there
 //          is no row of data, a row has another number of cells than the first,
-//          or two columns have one name. *table is then unchanged.
+//          two columns have one name that can stand in a formula, or a column
+//          is called pi. *table is then unchanged.
 #ifndef PROBLEMS_ESTIMATION_DATA_TABLE_H_
 #define PROBLEMS_ESTIMATION_DATA_TABLE_H_
 
@@ -33,6 +34,9 @@ struct DataTable {
 
   // -1 if there is none.
   int FindColumn(const std::string& name) const;
+
+  // "fit", or, if there is such a column, "fit_2", "fit_3", ...
+  std::string NewName(const std::string& name) const;
 };
 
 // `file`: the name of the text in messages.

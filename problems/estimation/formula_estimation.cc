@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "fmt/ranges.h"
@@ -113,13 +114,6 @@ bool EvaluateColumns(const Input& input,
   return true;
 }
 
-std::string Trimmed(const std::string& text) {
-  const std::size_t begin = text.find_first_not_of(' ');
-  return begin == std::string::npos
-             ? ""
-             : text.substr(begin, text.find_last_not_of(' ') + 1 - begin);
-}
-
 // "y = b1*x" -> "y", "b1*x"; "b1*x" -> "", "b1*x".
 std::pair<std::string, std::string> SplitModel(const std::string& model) {
   for (std::size_t i = 0; i < model.size(); ++i) {
@@ -127,10 +121,11 @@ std::pair<std::string, std::string> SplitModel(const std::string& model) {
     const bool is_comparison =
         i > 0 && (model[i - 1] == '<' || model[i - 1] == '>');
     if (!is_comparison) {
-      return {Trimmed(model.substr(0, i)), Trimmed(model.substr(i + 1))};
+      return {std::string(Trimmed(std::string_view(model).substr(0, i))),
+              std::string(Trimmed(std::string_view(model).substr(i + 1)))};
     }
   }
-  return {"", Trimmed(model)};
+  return {"", std::string(Trimmed(model))};
 }
 
 // Weights of residuals: from weights of their squares, or from deviations.
@@ -281,8 +276,9 @@ bool WriteFit(const Input& input,
               const VectorXd& b,
               std::string* error) {
   DataTable table = input.table;
-  table.names.emplace_back("fit");
-  table.names.emplace_back("residual");
+  for (const char* name : {"fit", "residual"}) {
+    table.names.push_back(table.NewName(name));
+  }
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     const auto row = static_cast<Index>(i);
     const VectorXd x = regression.predictors.row(row);

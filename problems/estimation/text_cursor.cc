@@ -146,6 +146,11 @@ void TextCursor::FailAtToken(std::string_view token,
   Fail(token.empty() ? what : "found " + Quote(token), expected);
 }
 
+std::string_view Trimmed(std::string_view text) {
+  const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
+  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
+}
+
 bool EndsWith(std::string_view text, std::string_view end) {
   return text.size() >= end.size() &&
          text.substr(text.size() - end.size()) == end;

@@ -53,6 +53,56 @@ TEST(DataTable, NumbersColumnsThatHaveNoUsableName) {
   EXPECT_EQ(table.FindColumn("c2"), -1);
 }
 
+// A missing value in the first row does not make it a row of names.
+TEST(DataTable, OneNumberMakesARowOfData) {
+  for (const std::string text : {"1,2,--\n3,4,5\n", "1,2,\n3,4,5\n"}) {
+    const DataTable table = Parsed(text);
+    EXPECT_EQ(table.names, (std::vector<std::string>{"c1", "c2", "c3"}));
+    EXPECT_EQ(ColumnOf(table, "c2"), Eigen::Vector2d(2.0, 4.0));
+    Eigen::VectorXd values;
+    std::string error;
+    EXPECT_FALSE(ReadColumn(table, 2, "f", &values, &error));
+    EXPECT_EQ(error.find("f:1: found '"), 0u) << error;
+  }
+}
+
+TEST(DataTable, SeveralColumnsMayHaveNoName) {
+  const DataTable table = Parsed("t,y,,,a (m),a (m)\n1,2,3,4,5,6\n");
+  EXPECT_EQ(ColumnOf(table, "c4")[0], 4.0);
+  EXPECT_EQ(ColumnOf(table, "c6")[0], 6.0);
+}
+
+TEST(DataTable, QuotesKeepSeparators) {
+  for (const std::string text :
+       {"day,\"a \"\"b\"\", c;\",y\n\"Jan 1, 2020\",x,3\n\"#\", \"\" ,4\n",
+        "day;\"a \"\"b\"\", c;\";y\n\"Jan 1, 2020\";x;3\n\"#\"; \"\" ;4\n",
+        "day\t\"a \"\"b\"\", c;\"\ty\n\"Jan 1, 2020\"\tx\t3\n\"#\"\t\"\"\t4\n",
+        "day \"a \"\"b\"\", c;\" y\n\"Jan 1, 2020\" x 3\n\"#\" \"\" 4\n"}) {
+    SCOPED_TRACE(text);
+    const DataTable table = Parsed(text);
+    EXPECT_EQ(table.names,
+              (std::vector<std::string>{"day", "a \"b\", c;", "y"}));
+    ASSERT_EQ(table.rows.size(), 2u);
+    EXPECT_EQ(table.rows[0][0], "Jan 1, 2020");
+    EXPECT_EQ(table.rows[1][0], "#");
+    EXPECT_EQ(table.rows[1][1], "");
+    EXPECT_EQ(ColumnOf(table, "y"), Eigen::Vector2d(3.0, 4.0));
+    const DataTable back = Parsed(TableText(table));
+    EXPECT_EQ(back.separator, table.separator);
+    EXPECT_EQ(back.names, table.names);
+    EXPECT_EQ(back.rows, table.rows);
+  }
+  // No quotes around the cell.
+  const DataTable inches = Parsed("pipe,y\n5\",\"3\n");
+  EXPECT_EQ(inches.rows[0], (std::vector<std::string>{"5\"", "\"3"}));
+}
+
+TEST(DataTable, NewNamesAreNotThere) {
+  const DataTable table = Parsed("x,fit,fit_2\n1,2,3\n");
+  EXPECT_EQ(table.NewName("fit"), "fit_3");
+  EXPECT_EQ(table.NewName("residual"), "residual");
+}
+
 // Columns of texts are no error unless they are used.
 TEST(DataTable, SaysWhichCellIsNoNumber) {
   const DataTable table = Parsed("name,y\n# x\nfirst,1\nsecond,NA\nthird,\n");
@@ -77,7 +127,10 @@ TEST(DataTable, SaysWhatIsWrongAndWhere) {
         {"1,2\n3,4,5\n",
          "f:2: the row has 3 cells; expected 2, as the first row"},
         {"y,y\n1,2\n",
-         "f:1: two columns are called 'y'; expected another name for each"}}) {
+         "f:1: two columns are called 'y'; expected another name for each"},
+        {"x,pi\n1,2\n",
+         "f:1: a column is called 'pi', as the number in formulas; expected "
+         "another name for each"}}) {
     DataTable table;
     std::string error;
     EXPECT_FALSE(ParseTable(bad.text, "f", &table, &error)) << bad.text;
