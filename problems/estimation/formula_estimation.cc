@@ -341,8 +341,15 @@ std::unique_ptr<Estimation> ReadFormulaEstimation(
   const auto m = regression.responses.size();
   const auto n = static_cast<Index>(regression.names.size());
   if (m < n) {
-    *error = fmt::format(
-        "{}: {} rows; expected no fewer than the {} parameters", path, m, n);
+  const auto num_ignored = regression.weights.size() - m;
+  const std::string ignored =
+      num_ignored > 0 ? fmt::format(" (and {} of weight 0)", num_ignored) : "";
+    *error =
+        fmt::format("{}: {} rows{}; expected no fewer than the {} parameters",
+                    path,
+                    m,
+                    ignored,
+                    n);
     return nullptr;
   }
   regression.title = input.nist
@@ -357,8 +364,12 @@ std::unique_ptr<Estimation> ReadFormulaEstimation(
   };
   SetCertificate(input, given, &regression);
   EstimationTraits traits;
-  traits.description = fmt::format(
-      "{} observations, {} parameters; {} = {}", m, n, response, right_side);
+  traits.description = fmt::format("{} observations{}, {} parameters; {} = {}",
+                                   m,
+                                   ignored,
+                                   n,
+                                   response,
+                                   right_side);
   if (HasNistParameters(input, regression) &&
       regression.certified.size() == 0) {
     traits.description += "; the certified values are not of this model";

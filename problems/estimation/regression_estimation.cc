@@ -58,6 +58,8 @@ class RegressionEstimation final : public Estimation {
       const int index = static_cast<int>(i) % block_size_;
       problem->SetParameterLowerBound(
           block, index, regression_.lower_bounds[i]);
+      // It would count as an observation in the variance of the residuals.
+      if (regression_.weights[i] == 0.0) continue;
       problem->SetParameterUpperBound(
           block, index, regression_.upper_bounds[i]);
     }

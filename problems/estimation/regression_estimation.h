@@ -2,7 +2,7 @@
 //
 //   residual_i = weight_i (y_i - f(x_i; b))
 //
-// One residual block an observation.
+// One residual block an observation; none if its weight is 0.
 #ifndef PROBLEMS_ESTIMATION_REGRESSION_ESTIMATION_H_
 #define PROBLEMS_ESTIMATION_REGRESSION_ESTIMATION_H_
 

@@ -104,6 +104,61 @@ TEST_F(EstimateModel, WeightsAreThoseOfTheSquares) {
   }
 }
 
+// Rows of weight 0 change nothing, not even where the model has no value.
+TEST_F(EstimateModel, RowsOfWeightZeroDoNotCount) {
+  const std::vector<std::string> arguments = {"--model=a + b*log(x)",
+                                              "--start_values=a=0,b=0",
+                                              "--weights=w",
+                                              "--methods=ceres_lm",
+                                              "--covariance"};
+  const std::string text = "x,y,w\n1,1,1\n2,3,2\n3,2,1\n";
+  const auto estimate = [&](const std::string& name, const std::string& rows) {
+    const std::string all =
+        RunQuietly(
+            WriteText(name + ".csv", text + rows), "run-" + name, arguments)
+            .text;
+    const std::size_t begin = all.find(": a = ");
+    return all.substr(begin, all.find('\n', begin) - begin);
+  };
+  const std::string three = estimate("three", "");
+  EXPECT_NE(three.find(" +/- "), std::string::npos) << three;
+  EXPECT_EQ(estimate("more", "4,9,0\n5,1,0\n0,1,0\n"), three);
+  std::vector<std::string> too_few = arguments;
+  too_few.push_back("--input=" +
+                    WriteText("few.csv", "x,y,w\n1,1,0\n2,3,0\n3,2,1\n"));
+  ExpectRefused(too_few, {"1 rows (and 2 of weight 0)", "2 parameters"});
+}
+
+// Of b and d only the sum is determined.
+TEST_F(EstimateModel, GivesNoErrorBarToWhatIsNotDetermined) {
+  const Output output =
+      RunQuietly(WriteText("line.csv", "x,y\n1,1\n2,3\n3,2\n4,5\n"),
+                 "run",
+                 {"--model=c + b*x + d*x",
+                  "--start_values=b=1,c=0,d=0",
+                  "--methods=ceres_lm",
+                  "--covariance"});
+  ExpectSays(output,
+             {"line, ceres_lm: c = ",
+              "(no error bar: 50 % not determined), d = ",
+              "(no error bar: 50 % not determined)\n"});
+  const std::size_t of_c = output.text.find(" +/- ");
+  EXPECT_NE(of_c, std::string::npos);
+  EXPECT_EQ(output.text.find(" +/- ", of_c + 1), std::string::npos);
+}
+
+TEST_F(EstimateModel, ReadsItsOwnResult) {
+  const std::vector<std::string> arguments = {
+      "--model=y = b*x", "--start_values=b=1", "--methods=ceres_lm"};
+  RunQuietly(WriteText("line.csv", "\"x\",y,\"a,b\"\n1,2,\"p,q\"\n2,4,r\n"),
+             "first",
+             arguments);
+  RunQuietly(Path("first") + "/line/ceres_lm.fit.csv", "second", arguments);
+  RunQuietly(Path("second") + "/ceres_lm.fit/ceres_lm.fit.csv",
+             "third",
+             {"--model=fit_2 = b*x", "--start_values=b=1"});
+}
+
 // y = b x with b between bounds.
 TEST_F(EstimateModel, StaysWithinBounds) {
   const std::string input = WriteText("line.csv", "x;y\n1;2\n2;4\n3;6\n");
@@ -116,6 +171,17 @@ TEST_F(EstimateModel, StaysWithinBounds) {
   RunQuietly(input, "run", bounded);
   EXPECT_NEAR(ParameterOf("line/ceres_lm.fit.csv", "b"), 1.5, 1e-9);
   EXPECT_NEAR(ParameterOf("line/ceres_dogleg.fit.csv", "b"), 1.5, 1e-9);
+  // A rule alone would leave them.
+  const Output refused = Run({"--input=" + input,
+                              "--model=b*x",
+                              "--start_values=b=1",
+                              "--bounds=b=0..1.5",
+                              "--methods=geodesic",
+                              "--noplots",
+                              "--noprogress",
+                              "--output=" + Path("refused")});
+  EXPECT_EQ(refused.exit_code, 3) << refused.text;
+  ExpectSays(refused, {"not run: the problem has bounds"});
 }
 
 // In units in which a parameter is 1e-12 and its start is zero.
