@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/internal/small_covariance.h"
 #include "problems/estimation/nist_models.h"
 
 namespace invgrad {
@@ -19,6 +20,17 @@ std::vector<double> ToVector(const Eigen::VectorXd& values) {
 }
 
 class RegressionEstimation final : public Estimation {
+// As in Covariance::ToText.
+std::string DeviationText(const Covariance::Block& block) {
+  const double deviation = block.standard_deviations[0];
+  const double share = block.undetermined_shares[0];
+  if (!std::isfinite(deviation)) return " (not determined)";
+  return share > kLeastUndeterminedShare
+             ? fmt::format(" (no error bar: {:.3g} % not determined)",
+                           100.0 * share)
+             : fmt::format(" +/- {:.3g}", deviation);
+}
+
  public:
   RegressionEstimation(EstimationTraits traits, Regression regression)
       : Estimation(std::move(traits)),
@@ -114,10 +126,8 @@ class RegressionEstimation final : public Estimation {
       const double* value = b_.data() + i;
       text += fmt::format(
           "{}{} = {:.8g}", i == 0 ? "" : ", ", regression_.names[i], *value);
-      if (covariance != nullptr) {
-        text += fmt::format(" +/- {:.3g}",
-                            covariance->block(value).standard_deviations[0]);
-      }
+      if (covariance != nullptr)
+        text += DeviationText(covariance->block(value));
     }
     return text;
   }
