@@ -175,6 +175,7 @@ bool ReadVariables(const Input& input,
       continue;
     }
     columns.emplace_back();
+    regression->x_label = name;
     if (!ReadColumn(input.table, column, input.path, &columns.back(), error)) {
       return false;
     }
@@ -338,12 +339,12 @@ std::unique_ptr<Estimation> ReadFormulaEstimation(
       !ReadWeights(input, given, &regression.weights, error)) {
     return nullptr;
   }
-  const auto m = regression.responses.size();
+  const auto m = (regression.weights.array() > 0.0).count();
   const auto n = static_cast<Index>(regression.names.size());
-  if (m < n) {
   const auto num_ignored = regression.weights.size() - m;
   const std::string ignored =
       num_ignored > 0 ? fmt::format(" (and {} of weight 0)", num_ignored) : "";
+  if (m < n) {
     *error =
         fmt::format("{}: {} rows{}; expected no fewer than the {} parameters",
                     path,

@@ -19,7 +19,6 @@ std::vector<double> ToVector(const Eigen::VectorXd& values) {
   return {values.begin(), values.end()};
 }
 
-class RegressionEstimation final : public Estimation {
 // As in Covariance::ToText.
 std::string DeviationText(const Covariance::Block& block) {
   const double deviation = block.standard_deviations[0];
@@ -31,6 +30,7 @@ std::string DeviationText(const Covariance::Block& block) {
              : fmt::format(" +/- {:.3g}", deviation);
 }
 
+class RegressionEstimation final : public Estimation {
  public:
   RegressionEstimation(EstimationTraits traits, Regression regression)
       : Estimation(std::move(traits)),
@@ -58,6 +58,8 @@ std::string DeviationText(const Covariance::Block& block) {
     for (double* block : Blocks())
       problem->AddParameterBlock(block, block_size_);
     for (Eigen::Index i = 0; i < regression_.responses.size(); ++i) {
+      // It would count as an observation in the variance of the residuals.
+      if (regression_.weights[i] == 0.0) continue;
       const Eigen::VectorXd x = regression_.predictors.row(i);
       problem->AddResidualBlock(
           regression_.make_cost(
@@ -70,8 +72,6 @@ std::string DeviationText(const Covariance::Block& block) {
       const int index = static_cast<int>(i) % block_size_;
       problem->SetParameterLowerBound(
           block, index, regression_.lower_bounds[i]);
-      // It would count as an observation in the variance of the residuals.
-      if (regression_.weights[i] == 0.0) continue;
       problem->SetParameterUpperBound(
           block, index, regression_.upper_bounds[i]);
     }
@@ -248,7 +248,8 @@ std::string DeviationText(const Covariance::Block& block) {
   Plot DataPanel() const {
     Plot plot;
     plot.title = regression_.title;
-    plot.x_label = regression_.predictors.cols() == 1 ? "x" : "observation";
+    plot.x_label = regression_.predictors.cols() == 1 ? regression_.x_label
+                                                      : "observation";
     plot.y_label = regression_.y_label;
     Series points;
     points.title = "data";

@@ -19,6 +19,7 @@ namespace invgrad {
 
 struct Regression {
   std::string title;
+  std::string x_label = "x";  // if there is one predictor
   std::string y_label = "y";
   bool shows_logarithms = false;  // of the responses, in pictures
   Eigen::VectorXd responses;      // m
