@@ -182,5 +182,16 @@ TEST(OptionSetDeathTest, BugsInADescriptionAreChecked) {
   EXPECT_DEATH(set.Add("x", &field, {0.0, 2.0}, ""), "added twice");
 }
 
+// 1e+05 would be no integer.
+TEST(OptionSet, PrintsLimitsOfIntegersAsIntegers) {
+  int count = 1;
+  double factor = 1.0;
+  OptionSet set;
+  set.Add("count", &count, {1.0, 1e5}, "");
+  set.Add("factor", &factor, {1.0, 1e5}, "");
+  EXPECT_EQ(set.rows()[0].allowed, "integer in [1, 100000]");
+  EXPECT_EQ(set.rows()[1].allowed, "[1, 1e+05]");
+}
+
 }  // namespace option_set_test
 }  // namespace invgrad

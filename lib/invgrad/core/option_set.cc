@@ -23,13 +23,19 @@ std::string NumberText(double value) {
   return std::string(buffer, result.ptr);
 }
 
-std::string RangeText(const Range& range) {
+// "100000", where NumberText has "1e+05".
+std::string IntegerText(double value) {
+  return std::isinf(value) ? NumberText(value) : fmt::format("{:.0f}", value);
+}
+
+std::string RangeText(const Range& range,
+                      std::string (*text_of)(double) = NumberText) {
   const bool open_low = range.open_low || std::isinf(range.low);
   const bool open_high = range.open_high || std::isinf(range.high);
   return fmt::format("{}{}, {}{}",
                      open_low ? '(' : '[',
-                     NumberText(range.low),
-                     NumberText(range.high),
+                     text_of(range.low),
+                     text_of(range.high),
                      open_high ? ')' : ']');
 }
 
@@ -90,7 +96,10 @@ void OptionSet::Add(const std::string& name,
                     int* field,
                     const Range& range,
                     const std::string& help) {
-  AddRow({name, std::to_string(*field), "integer in " + RangeText(range), help},
+  AddRow({name,
+          std::to_string(*field),
+          "integer in " + RangeText(range, IntegerText),
+          help},
          [field, range](const std::string& value) {
            return SetNumber(value, range, field);
          });
