@@ -65,3 +65,6 @@ TEST_F(TimeWindowsProgram, NamesWhatIsNotAllowed) {
 
 }  // namespace time_windows_program_test
 }  // namespace invgrad
+  // Beyond what the reference and the layer allow.
+  says({"--problem=kdv_pinn:dispersion=1e-5"}, "dispersion=1e-5 is out of");
+  says({"--problem=allen_cahn_pinn:diffusivity=0.1"}, "diffusivity=0.1 is out");
