@@ -10,7 +10,8 @@ Sample runs:
 
 --seconds and --steps are those of a window; --windows=1 is the training of a
 single network for all times. Ctrl-C ends the current window, and skips the
-others.
+others; so does a window that fails. Errors and files are then of the windows
+so far.
 
   DIR/table.txt, .md     the windows
   DIR/weights-K.npy      the weights of window K = 0, 1, ..
@@ -25,6 +26,7 @@ others.
 #include <vector>
 
 #include "bin/support/field_plots.h"
+#include "bin/support/flags.h"
 #include "bin/support/live_run.h"
 #include "bin/support/output_options.h"
 #include "bin/support/program.h"
@@ -40,9 +42,10 @@ others.
 
 DEFINE_string(problem,
               "kdv_pinn",
-              "burgers_pinn, kdv_pinn or allen_cahn_pinn, name[:key=value...]");
+              "burgers_pinn, kdv_pinn, two_solitons_pinn or allen_cahn_pinn, "
+              "name[:key=value...]");
 DEFINE_string(method, "geodesic", "a rule, as in compare");
-DEFINE_int32(windows, 4, "equal windows of 0 <= t <= 1");
+DEFINE_int32(windows, 4, "equal windows of the problem's time");
 DEFINE_int32(seed, 1, "of the initial weights");
 
 namespace invgrad {
@@ -52,9 +55,30 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// Those that a window uses have flags.
 TrainingFlags& Training() {
   static auto& flags = *new TrainingFlags;
   return flags;
+}
+
+void AddTrainingFlags() {
+  TrainingFlags& training = Training();
+  AddFlag("hidden",
+          &training.network.hidden,
+          "widths of the hidden layers of each network, as 20-20-20; empty: "
+          "the problem's own");
+  AddFlag("steps",
+          &training.steps,
+          "budget of a window in steps; 0: none, or 300 if --seconds is 0");
+  AddFlag("seconds",
+          &training.seconds,
+          "budget of a window in seconds of training; 0: none");
+  AddFlag("cpu_time",
+          &training.cpu_time,
+          "seconds of training are those of the processor, of all threads");
+  AddFlag("threads",
+          &training.threads,
+          "threads over the points; the results do not depend on it");
 }
 
 double RelativeError(const VectorXd& u, const VectorXd& truth) {
@@ -73,8 +97,12 @@ struct Settings {
 bool Check(Settings* settings, std::string* error) {
   Method method;
   settings->widths = {1, 1};
-  if (!CheckFlags({{"windows", {1.0, 1000.0}}, {"seed", {0.0}}}, error) ||
-      !Training().Check(error) ||
+  if (!CheckFlags({{"windows", {1.0, 1000.0}},
+                   {"seed", {0.0}},
+                   {"steps", {0.0}},
+                   {"seconds", {0.0}},
+                   {"threads", {1.0, 1024.0}}},
+                  error) ||
       !NameFlag("problem",
                 CreateEvolution(FLAGS_problem, &settings->evolution, error),
                 error) ||
@@ -86,9 +114,7 @@ bool Check(Settings* settings, std::string* error) {
     return false;
   }
   TrainingFlags& training = Training();
-  if (training.seconds == 0.0 && training.steps == 0 && training.epochs == 0) {
-    training.steps = 300;
-  }
+  if (training.seconds == 0.0 && training.steps == 0) training.steps = 300;
   const EvolutionProblem& evolution = settings->evolution;
   for (int k = 0; k <= FLAGS_windows; ++k) {
     settings->times.push_back(evolution.end * k / FLAGS_windows);
@@ -101,11 +127,8 @@ bool Check(Settings* settings, std::string* error) {
   return true;
 }
 
-// Solves, and evaluates u at the points.
-bool Solve(const Settings& settings,
-           WindowSolutions* solutions,
-           MatrixXd* u,
-           std::string* error) {
+// Those so far if a window fails.
+WindowSolutions Solve(const Settings& settings, std::string* error) {
   LiveCallback live(FLAGS_method);
   TrainOptions options = Training().Options(0, FLAGS_seed);
   options.callbacks = {&live};
@@ -117,14 +140,15 @@ bool Solve(const Settings& settings,
     }
     return equation;
   };
-  return SolveInWindows(settings.times,
-                        settings.evolution.start,
-                        make_equation,
-                        FLAGS_method,
-                        options,
-                        solutions,
-                        error) &&
-         solutions->At(settings.points, u, error);
+  WindowSolutions solutions;
+  SolveInWindows(settings.times,
+                 settings.evolution.start,
+                 make_equation,
+                 FLAGS_method,
+                 options,
+                 &solutions,
+                 error);
+  return solutions;
 }
 
 // The row of window k.
@@ -143,14 +167,23 @@ void AddWindow(const Settings& settings,
   table->Add("window", std::to_string(k));
   table->Add("t", fmt::format("{:g} - {:g}", begin, end));
   table->Add("loss", FormatNumber(run.history.back().train_loss));
-  table->Add("L2_error",
-             FormatNumber(RelativeError(u.row(0)(inside).transpose(),
+  table->Add("L2_error",  // none without points for testing
+             NumberOrDash(RelativeError(u.row(0)(inside).transpose(),
                                         settings.truth(inside))));
   table->Add("steps", std::to_string(run.summary.num_steps));
   table->Add("s", FormatNumber(run.summary.train_time_in_seconds));
   table->Add("status", run.summary.message, Table::Align::kLeft);
 }
 
+template <typename Array>
+bool WriteArray(const std::string& name,
+                const Array& array,
+                std::string* error) {
+  return ListRunFile(InOutput(name), error) &&
+         WriteNpy(InOutput(name), array, error);
+}
+
+// Of the windows that were solved, at least one.
 bool Report(const Settings& settings,
             const WindowSolutions& solutions,
             const MatrixXd& u,
@@ -158,27 +191,34 @@ bool Report(const Settings& settings,
   Table table;
   for (std::size_t k = 0; k < solutions.runs.size(); ++k) {
     AddWindow(settings, k, solutions.runs[k], u, &table);
-    if (!WriteNpy(fmt::format("{}/weights-{}.npy", Output().output, k),
-                  solutions.runs[k].weights,
-                  error)) {
+    if (!WriteArray(
+            fmt::format("weights-{}.npy", k), solutions.weights[k], error)) {
       return false;
     }
   }
   const VectorXd& truth = settings.truth;
   MatrixXd rows(settings.points.cols(), 4);
   rows << settings.points.transpose(), u.row(0).transpose(), truth;
-  if (!WriteTable(Output().output + "/table", table, error) ||
-      !WriteNpy(Output().output + "/solution.npy", rows, error)) {
+  if (!WriteTable(InOutput("table"), table, error) ||
+      !WriteArray("solution.npy", rows, error)) {
     return false;
   }
-  fmt::print("{}L2_error of all times: {}\nresults in {}\n",
+  const bool is_complete = solutions.times.size() == settings.times.size();
+  fmt::print("{}L2_error of {}: {}\nresults in {}\n",
              table.ToText(),
-             FormatNumber(RelativeError(u.row(0).transpose(), truth)),
+             is_complete
+                 ? "all times"
+                 : fmt::format("0 <= t <= {:g}", solutions.times.back()),
+             NumberOrDash(RelativeError(u.row(0).transpose(), truth)),
              Output().output);
-  Picture picture = {Output().output + "/solution.png", {}, 3};
-  const int num_times = settings.whole.test_counts[0];
-  AddFunctionPanels("u*", num_times, truth, nullptr, &picture);
-  AddFunctionPanels("u", num_times, u.row(0).transpose(), &truth, &picture);
+  Picture picture = {InOutput("solution.png"), {}, 3};
+  // x changes faster than t.
+  const int num_times =
+      static_cast<int>(truth.size()) / settings.whole.test_counts[1];
+  if (num_times > 0) {
+    AddFunctionPanels("u*", num_times, truth, nullptr, &picture);
+    AddFunctionPanels("u", num_times, u.row(0).transpose(), &truth, &picture);
+  }
   DrawPictures({picture});
   return true;
 }
@@ -190,11 +230,21 @@ bool Run(RunCounts* counts, std::string* error) {
     return false;
   }
   const Interrupt interrupt;
-  WindowSolutions solutions;
-  MatrixXd u;
-  if (!Solve(settings, &solutions, &u, error)) return false;
+  std::string failure;
+  const WindowSolutions solutions = Solve(settings, &failure);
   for (std::size_t k = 0; k < solutions.runs.size(); ++k) counts->Add(true);
-  return Report(settings, solutions, u, error);
+  if (!failure.empty()) {
+    counts->Add(false);
+    Warn(failure);
+  }
+  if (solutions.runs.empty()) return true;
+  const Index num_points =
+      (settings.points.row(0).array() <= solutions.times.back()).count();
+  settings.points.conservativeResize(Eigen::NoChange, num_points);
+  settings.truth.conservativeResize(num_points);
+  MatrixXd u;
+  return solutions.At(settings.points, &u, error) &&
+         Report(settings, solutions, u, error);
 }
 
 }  // namespace
@@ -202,7 +252,7 @@ bool Run(RunCounts* counts, std::string* error) {
 
 int main(int argc, char** argv) {
   invgrad::AddOutputFlags();
-  invgrad::Training().Add();
+  invgrad::AddTrainingFlags();
   return invgrad::RunProgram(argc,
                              argv,
                              "solves an equation of evolution in windows of "
