@@ -98,11 +98,11 @@ bool Run(RunCounts* counts, std::string* error) {
   if (!CheckProblem(&options, &problem, &methods, error)) return false;
   SetBlasThreads(options.blas_threads);
   if (problem.point.has_value()) {
-    return ComparePoint(options, *problem.point, methods, counts, error);
+    return ComparePoint(&options, *problem.point, methods, counts, error);
   }
   if (problem.least_squares.has_value()) {
     return CompareLeastSquares(
-        options, *problem.least_squares, methods, counts, error);
+        &options, *problem.least_squares, methods, counts, error);
   }
   return CompareLearning(
       &options, *std::move(problem.learning), methods, counts, error);

@@ -9,7 +9,7 @@
 namespace invgrad {
 namespace {
 
-bool Check(const CompareOptions& options,
+bool Check(CompareOptions* options,
            const LeastSquaresProblem& problem,
            EstimationOptions* estimation,
            std::vector<EstimationInput>* inputs,
@@ -18,18 +18,19 @@ bool Check(const CompareOptions& options,
   std::vector<int> seeds;
   if (!CheckNoTraining(/*takes_threads=*/true, error) ||
       !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error) ||
-      !NameFlag("seeds", ParseSeeds(options.seeds, &seeds, error), error) ||
+      !NameFlag("seeds", ParseSeeds(options->seeds, &seeds, error), error) ||
       !NameFlag("levels",
-                ParseNumbers(options.levels, &estimation->levels, error),
+                ParseNumbers(options->levels, &estimation->levels, error),
                 error)) {
     return false;
   }
-  estimation->threads = options.training.threads;
-  estimation->resume = options.resume;
+  estimation->threads = options->training.threads;
+  estimation->resume = options->resume;
   MinimizerOptions budget = LeastSquaresBudget(problem);
-  options.training.SetBudget(&budget);
+  options->training.SetBudget(&budget);
+  options->training.steps = budget.max_num_iterations;  // for flags.txt
   EstimationInput input;
-  input.name = options.problem.substr(0, options.problem.find(':'));
+  input.name = options->problem.substr(0, options->problem.find(':'));
   input.estimation = MakeLeastSquaresEstimation(problem, budget, seeds, error);
   if (!NameFlag("problem", input.estimation != nullptr, error)) return false;
   inputs->push_back(std::move(input));
@@ -38,7 +39,7 @@ bool Check(const CompareOptions& options,
 
 }  // namespace
 
-bool CompareLeastSquares(const CompareOptions& options,
+bool CompareLeastSquares(CompareOptions* options,
                          const LeastSquaresProblem& problem,
                          const std::vector<Method>& methods,
                          RunCounts* counts,

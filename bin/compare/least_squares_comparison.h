@@ -19,7 +19,7 @@ namespace invgrad {
 
 // Returns false, with *error, if an option does not fit the problem or if
 // results cannot be written.
-bool CompareLeastSquares(const CompareOptions& options,
+bool CompareLeastSquares(CompareOptions* options,
                          const LeastSquaresProblem& problem,
                          const std::vector<Method>& methods,
                          RunCounts* counts,

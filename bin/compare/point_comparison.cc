@@ -116,19 +116,23 @@ Plot LossPlot(const std::vector<PointPath>& paths) {
   return plot;
 }
 
-bool Check(const CompareOptions& options,
+bool Check(CompareOptions* options,
            const PointProblem& problem,
            size_t num_methods,
            MinimizerOptions* minimizer,
            std::string* error) {
   constexpr int kMaxSteps = std::numeric_limits<int>::max();
   if (!CheckNoTraining(/*takes_threads=*/false, error) ||
-      !CheckResume(options.resume, error) ||
+      !CheckNotGiven({"seeds", "levels"},
+                     "needs a problem with a network or a ceres::Problem",
+                     error) ||
+      !CheckResume(options->resume, error) ||
       !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error)) {
     return false;
   }
   *minimizer = PointBudget();
-  options.training.SetBudget(minimizer);
+  options->training.SetBudget(minimizer);
+  options->training.steps = minimizer->max_num_iterations;  // for flags.txt
   return PathsFitInMemory(
       problem, minimizer->max_num_iterations, num_methods, error);
 }
@@ -224,14 +228,14 @@ bool Report(const PointProblem& problem,
 
 }  // namespace
 
-bool ComparePoint(const CompareOptions& options,
+bool ComparePoint(CompareOptions* options,
                   const PointProblem& problem,
                   const std::vector<Method>& methods,
                   RunCounts* counts,
                   std::string* error) {
   MinimizerOptions minimizer;
   if (!Check(options, problem, methods.size(), &minimizer, error) ||
-      !Prepare(options, methods, error)) {
+      !Prepare(*options, methods, error)) {
     return false;
   }
   const Interrupt interrupt(/*is_silent=*/!IsFirstRank());

@@ -31,7 +31,7 @@ namespace invgrad {
 // A method that does not support the problem has a row with the reason, and
 // failed. Returns false, with *error, if an option does not fit the problem or
 // if results cannot be written.
-bool ComparePoint(const CompareOptions& options,
+bool ComparePoint(CompareOptions* options,
                   const PointProblem& problem,
                   const std::vector<Method>& methods,
                   RunCounts* counts,

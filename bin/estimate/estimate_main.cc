@@ -190,6 +190,20 @@ bool Check(EstimateOptions* options,
   return true;
 }
 
+// For flags.txt, where a resumed run finds the budget; inputs with several
+// budgets have no number.
+void SetMaxIterations(const std::vector<EstimationInput>& inputs,
+                      int* max_iterations) {
+  const auto own = [](const EstimationInput& input) {
+    return input.estimation->traits().budget.max_num_iterations;
+  };
+  const bool is_one = std::all_of(
+      inputs.begin(), inputs.end(), [&](const EstimationInput& input) {
+        return own(input) == own(inputs[0]);
+      });
+  if (*max_iterations == 0 && is_one) *max_iterations = own(inputs[0]);
+}
+
 bool Run(RunCounts* counts, std::string* error) {
   EstimateOptions& options = Options();
   if (options.list) {
@@ -199,9 +213,12 @@ bool Run(RunCounts* counts, std::string* error) {
   }
   std::vector<Method> methods;
   std::vector<EstimationInput> inputs;
-  return Check(&options, &methods, error) &&
-         AddInputs(&options, &inputs, error) &&
-         CompareEstimations(options.run, inputs, methods, counts, error);
+  if (!Check(&options, &methods, error) ||
+      !AddInputs(&options, &inputs, error)) {
+    return false;
+  }
+  SetMaxIterations(inputs, &options.run.max_iterations);
+  return CompareEstimations(options.run, inputs, methods, counts, error);
 }
 
 }  // namespace

@@ -85,6 +85,26 @@ TEST_F(EstimateProblems, GoesOnWithFiles) {
   resumed.emplace_back("--resume");
   EXPECT_EQ(RunQuietly(input, "run", resumed).text, first.text);
   EXPECT_EQ(ReadAll(Path("run") + "/results.csv"), before);
+  // More than the input's own 10000.
+  resumed.emplace_back("--max_iterations=20000");
+  EXPECT_EQ(RunQuietly(input, "run", resumed).text, first.text);
+  EXPECT_EQ(ReadAll(Path("run") + "/results.csv"), before);
+}
+
+TEST_F(EstimateProblems, RefusesFlagsOfFiles) {
+  for (const char* flag : {"--perturb=0.1",
+                           "--start=1",
+                           "--loss=huber",
+                           "--model=a*x",
+                           "--bounds=a=0..1",
+                           "--edge_error=ceres"}) {
+    ExpectSays(RunOn(kTwo, "no", {flag}, 1),
+               {flag, "is for files, not for --problems"});
+  }
+  const Output output = Run(
+      {"--input=" + WriteMisra1a(), "--seeds=1..3", "--output=" + Path("no")});
+  EXPECT_EQ(output.exit_code, 1) << output.text;
+  ExpectSays(output, {"--seeds=1..3 needs --perturb or --problems"});
 }
 
 TEST_F(EstimateProblems, SaysWhatDoesNotFit) {

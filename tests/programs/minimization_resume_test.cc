@@ -114,6 +114,25 @@ TEST_F(MinimizationResume, ALargerBudgetRunsWhatHadNotConverged) {
   ExpectSays(smaller, {"a smaller budget"});
 }
 
+// Without a budget a problem has its own, which is a number, too.
+TEST_F(MinimizationResume, TheProblemsOwnBudgetIsANumber) {
+  for (const bool is_point : {false, true}) {
+    const auto run = [&](const Words& more) {
+      return is_point ? Run(Point("point", more))
+                      : Run(LeastSquares("least_squares", more));
+    };
+    ASSERT_EQ(run({}).exit_code, 0);
+    const Output smaller = run({"--steps=9", "--resume"});
+    EXPECT_EQ(smaller.exit_code, 1);
+    ExpectSays(smaller, {"a smaller budget"});
+    const Output same = run({"--resume"});
+    EXPECT_EQ(same.exit_code, 0) << same.text;
+    const Output larger = run({"--steps=100000", "--resume"});
+    EXPECT_EQ(larger.exit_code, 0) << larger.text;
+    EXPECT_EQ(run({"--resume"}).exit_code, 1);  // the own one is smaller
+  }
+}
+
 TEST_F(MinimizationResume, ADamagedRunIsARowThatSaysSo) {
   ASSERT_EQ(Run(LeastSquares("run")).exit_code, 0);
   std::ofstream(Path("run") + "/more_garbow_hillstrom-seed1/ceres_lm.run",
