@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "Eigen/Dense"
 #include "bin/support/run_output.h"
@@ -228,11 +229,14 @@ bool StudyCylinder(const std::vector<RegistrationMethod>& methods,
     for (const RegistrationMethod& method : methods) {
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunCylinder(
-                clouds, method, seed, options, &runs.emplace_back(), error)) {
-          return false;
+        CylinderRun& run = runs.emplace_back();
+        std::string failure;
+        if (!RunCylinder(clouds, method, seed, options, &run, &failure)) {
+          Warn(
+              fmt::format("{} {} {}: {}", clouds, method.label, seed, failure));
+          run.error.setConstant(std::numeric_limits<double>::quiet_NaN());
         }
-        counts->Add(runs.back().error.allFinite());
+        counts->Add(run.error.allFinite());
       }
     }
   }
