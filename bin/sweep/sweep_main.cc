@@ -90,11 +90,16 @@ void SweepOptions::AddFlags() {
 std::string JobCommand(int number) {
   std::string command;
   std::vector<std::string> words = gflags::GetArgvs();
+  const bool has_flag_file =
+      std::any_of(words.begin(), words.end(), [](const std::string& word) {
+        return word.find("-flagfile") <= 1;
+      });
   words.push_back(fmt::format("--job={}", number));
   for (const std::string& word : words) {
     if (word.find("-list_jobs") <= 1) continue;
     command += (command.empty() ? "" : " ") + QuoteForShell(word);
   }
+  if (has_flag_file) command += " --nolist_jobs";  // which may be in the file
   return command;
 }
 

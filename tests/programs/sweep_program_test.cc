@@ -126,6 +126,19 @@ TEST_F(SweepProgram, RunsAreThoseOfCompare) {
   }
 }
 
+TEST_F(SweepProgram, AFlagFileMayListJobs) {
+  const std::string file = Path("flags");
+  std::ofstream(file) << "--list_jobs\n--steps=2\n--noplots\n";
+  const Output list = Run({"--flagfile=" + file,
+                           "--problem=toy_network:num_samples=32",
+                           "--grid=rule=adam",
+                           "--output=" + Path("run")});
+  ASSERT_EQ(list.exit_code, 0) << list.text;
+  std::ofstream(Path("jobs")) << list.text;
+  const Output job = Wait(StartCommand({"sh", Path("jobs")}));
+  EXPECT_EQ(job.exit_code, 0) << job.text;
+}
+
 // As a shell, xargs or GNU parallel runs the lines.
 TEST_F(SweepProgram, AListOfJobsInAnyOrderGivesTheSameResults) {
   ASSERT_EQ(Run(SmallSweep("row")).exit_code, kSomeFailed);
