@@ -121,6 +121,10 @@ bool Run(RunCounts* counts, std::string* error) {
       !NameFlag("methods",
                 !FLAGS_cylinder || CheckCylinderMethods(methods, error),
                 error) ||
+      (FLAGS_cylinder &&
+       !CheckNotGiven({"scenes", "scans", "outliers", "units", "guard_edges"},
+                      "is not for --cylinder",
+                      error)) ||
       !ParseFlag("units", SelectUnits, &units, error) ||
       !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
       !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {

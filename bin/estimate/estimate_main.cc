@@ -151,8 +151,8 @@ bool AddInputs(EstimateOptions* options,
   if (Files().read != nullptr && !Files().read(&options->run, inputs, error)) {
     return false;
   }
-  if (has_problems && options->run.perturb > 0.0) {
-    *error = "--perturb is for files: the starts of --problems have seeds";
+  if (!has_problems && options->run.perturb == 0.0 &&
+      !CheckNotGiven({"seeds"}, "needs --perturb or --problems", error)) {
     return false;
   }
   if (!inputs->empty()) return CheckNames(*inputs, error);

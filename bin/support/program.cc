@@ -256,6 +256,22 @@ bool CheckFlag(const char* name,
   return SetByFlag(name, &set, error);
 }
 
+bool CheckNotGiven(const std::vector<std::string>& names,
+                   const std::string& why,
+                   std::string* error) {
+  for (const std::string& name : names) {
+    gflags::CommandLineFlagInfo flag;
+    if (!gflags::GetCommandLineFlagInfo(name.c_str(), &flag) ||
+        flag.current_value == flag.default_value) {
+      continue;
+    }
+    *error =
+        fmt::format("--{}={} {}", name, Printable(flag.current_value), why);
+    return false;
+  }
+  return true;
+}
+
 bool NameFlag(const char* name, bool is_valid, std::string* error) {
   if (!is_valid) *error = fmt::format("--{}: {}", name, *error);
   return is_valid;

@@ -55,6 +55,12 @@ bool CheckFlag(const char* name,
                const std::vector<std::string>& choices,
                std::string* error);
 
+// Returns false, with *error "--NAME=VALUE `why`", for the first of these flags
+// that the program has and whose value is not the default.
+bool CheckNotGiven(const std::vector<std::string>& names,
+                   const std::string& why,
+                   std::string* error);
+
 // Returns `is_valid`; if it is false, *error then begins with "--NAME: ".
 bool NameFlag(const char* name, bool is_valid, std::string* error);
 

@@ -269,30 +269,21 @@ TrainOptions TrainingFlags::Options(int batch_size_of_run, int seed) const {
 }
 
 bool CheckNoTraining(bool takes_threads, std::string* error) {
-  for (const std::string name : {"hidden",
-                                 "activation",
-                                 "initialization",
-                                 "torch_script",
-                                 "epochs",
-                                 "batch_size",
-                                 "shuffle",
-                                 "threads",
-                                 "cpu_time",
-                                 "checkpoint_seconds",
-                                 "target_loss",
-                                 "patience",
-                                 "init_weights"}) {
-    gflags::CommandLineFlagInfo flag;
-    if (!gflags::GetCommandLineFlagInfo(name.c_str(), &flag) ||
-        flag.current_value == flag.default_value ||
-        (takes_threads && name == "threads")) {
-      continue;
-    }
-    *error = fmt::format(
-        "--{}={} needs a problem with a network", name, flag.current_value);
-    return false;
-  }
-  return true;
+  std::vector<std::string> names = {"hidden",
+                                    "activation",
+                                    "initialization",
+                                    "torch_script",
+                                    "epochs",
+                                    "batch_size",
+                                    "shuffle",
+                                    "cpu_time",
+                                    "checkpoint_seconds",
+                                    "target_loss",
+                                    "patience",
+                                    "track_sample",
+                                    "init_weights"};
+  if (!takes_threads) names.emplace_back("threads");
+  return CheckNotGiven(names, "needs a problem with a network", error);
 }
 
 }  // namespace invgrad

@@ -261,10 +261,28 @@ std::string FormatsText() {
   return text;
 }
 
+// Registered problems use no flags of files.
+bool CheckProblems(bool has_problems, std::string* error) {
+  if (!has_problems) return true;
+  std::vector<std::string> names = {"start", "loss", "perturb"};
+  if (Flags().input.empty()) {
+    names.insert(names.end(),
+                 {"format",
+                  "model",
+                  "start_values",
+                  "bounds",
+                  "weights",
+                  "deviations",
+                  "edge_error",
+                  "information_root"});
+  }
+  return CheckNotGiven(names, "is for files, not for --problems", error);
+}
+
 bool ReadInputs(EstimationOptions* options,
                 std::vector<EstimationInput>* inputs,
                 std::string* error) {
-  return ReadFlags(options, error) &&
+  return CheckProblems(!inputs->empty(), error) && ReadFlags(options, error) &&
          (Flags().input.empty() || ReadFiles(inputs, error));
 }
 

@@ -222,7 +222,11 @@ inline Words Small(const Words& command, const SmallFiles& files) {
   }
   if (trains && !has_rules) small.push_back("--rules=adam,half_inverse");
   if (!has_input) small.push_back("--input=" + files.For("any.dat"));
-  for (const std::string& flag : SmallBudget(program)) small.push_back(flag);
+  const bool has_scans =
+      std::find(small.begin(), small.end(), "--cylinder") == small.end();
+  for (const std::string& flag : SmallBudget(program)) {
+    if (has_scans || flag != "--scans=1") small.push_back(flag);
+  }
   return small;
 }
 

@@ -89,6 +89,12 @@ TEST_F(CompareProgram, RefusesValuesOutOfRange) {
   ExpectRefused({"--rules=adam:batch_size=100000"},
                 {"batch_size=100000", "4096"});
   ExpectRefused({"--track_sample=4096"}, {"--track_sample=4096", "4095"});
+  for (const char* flag :
+       {"--seeds=1..3", "--levels=0.1", "--track_sample=3"}) {
+    ExpectRefused({"--problem=squared_component", flag}, {flag, "needs a"});
+  }
+  ExpectRefused({"--problem=more_garbow_hillstrom", "--track_sample=3"},
+                {"--track_sample=3 needs a problem with a network"});
   ExpectRefused({"--seeds=1,1"}, {"--seeds", "twice"});
   ExpectRefused({"--seeds=x"}, {"--seeds", "x"});
   ExpectRefused({"--levels=0"}, {"--levels", "0"});

@@ -111,7 +111,6 @@ TEST_F(EstimateProblems, SaysWhatDoesNotFit) {
   ExpectSays(RunOn("squared_component", "no", {}, 1),
              {"--problems: squared_component is no least-squares problem"});
   ExpectSays(RunOn("more_garbow", "no", {}, 1), {"'more_garbow'"});
-  ExpectSays(RunOn(kTwo, "no", {"--perturb=0.1"}, 1), {"--perturb"});
   ExpectSays(RunOn("more_garbow_hillstrom,more_garbow_hillstrom", "no", {}, 1),
              {"two inputs are called more_garbow_hillstrom"});
   ExpectSays(RunOn("", "no", {}, 1), {"--input is missing", "--problems"});

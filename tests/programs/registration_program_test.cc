@@ -238,6 +238,13 @@ TEST_F(RegistrationProgram, AlignsTheCylinderOfAPublishedComparison) {
   EXPECT_EQ(ReadAll(Path("again/cylinder.csv")), csv);
   ExpectRefused({"--cylinder", "--methods=determined,lm"},
                 {"--methods: the cylinder has no method 'lm'"});
+  for (const char* flag : {"--scenes=room",
+                           "--scans=3",
+                           "--outliers=0.1",
+                           "--guard_edges=false"}) {
+    ExpectRefused({"--cylinder", "--methods=determined", flag},
+                  {flag, "is not for --cylinder"});
+  }
 }
 
 }  // namespace registration_program_test
