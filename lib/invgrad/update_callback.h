@@ -137,8 +137,10 @@ class UpdateCallback final {
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts
     //   L(x) - L(x + step) >= min_relative_model_decrease * L(x).
-    // With only_proposals it is at most the solver's function_tolerance, because
-    // no step of Ceres comes after the last proposal.
+    // With only_proposals no step of Ceres comes after the last proposal, and
+    // this is the only tolerance: of m residuals, each with the same noise, the
+    // end may be sqrt(min_relative_model_decrease m) standard errors from the
+    // minimum. 1e-6, Ceres' default function tolerance, goes on to it.
     double min_relative_model_decrease = 1e-3;
     // True: the solve without proposals runs as well, and its result is kept if
     // it is better (safeguard.h).

@@ -1,5 +1,5 @@
-// Residual blocks whose parameter blocks are all constant change nothing about a
-// solve with proposals.
+// Residual blocks whose parameter blocks are all constant change nothing about
+// a solve with proposals.
 #include <cmath>
 #include <string>
 

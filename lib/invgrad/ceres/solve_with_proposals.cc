@@ -1,6 +1,5 @@
 #include "invgrad/ceres/solve_with_proposals.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -41,10 +40,7 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                  problem,
                  linearizer,
                  &work_),
-      proposal_(options_.only_proposals
-                    ? std::min(options_.min_relative_model_decrease,
-                               solver_options_.function_tolerance)
-                    : options_.min_relative_model_decrease,
+      proposal_(options_.min_relative_model_decrease,
                 proposer,
                 bounds,
                 *problem,

@@ -1,5 +1,6 @@
-// The cost of a ceres::Solve without the fixed cost: that of the residual blocks
-// whose parameter blocks are all constant. Ceres decides by it, but reports
+// The cost of a ceres::Solve without the fixed cost, which is that of the
+// residual blocks whose parameter blocks are all constant. Ceres decides by it,
+// but reports
 //
 //   IterationSummary::cost = variable cost + fixed cost,
 //
