@@ -100,9 +100,9 @@ bool EvaluateColumns(const Input& input,
   }
   const auto m = static_cast<Index>(input.table.rows.size());
   result->resize(m);
+  std::vector<double> values(columns.size());
   for (Index i = 0; i < m; ++i) {
-    std::vector<double> values;
-    for (const VectorXd& column : columns) values.push_back(column[i]);
+    for (std::size_t k = 0; k < columns.size(); ++k) values[k] = columns[k][i];
     (*result)[i] = formula.Evaluate(values);
     if (std::isfinite((*result)[i])) continue;
     *error = fmt::format("{}:{}: {} is not finite",

@@ -235,6 +235,7 @@ class RegressionEstimation final : public Estimation {
     double residual = 0.0;
     Eigen::VectorXd gradient(b_.size());
     std::vector<double*> jacobians;
+    jacobians.reserve(blocks.size());
     for (const double* block : blocks) {
       jacobians.push_back(gradient.data() + (block - b_.data()));
     }
