@@ -152,9 +152,7 @@ TEST_F(CompareProgram, AHangingGnuplotCostsNoTablesAndCtrlCEndsIt) {
              "EDGE_SE2 0 1 1 0 1.5708 10 0 0 10 0 100\n";
       child = StartProgram(program, {"--input=" + Path("square.g2o"), output});
     }
-    for (int i = 0; i < 3000 && !fs::exists(started); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
+    WaitForFile(started);
     EXPECT_TRUE(fs::remove(started));
     EXPECT_TRUE(fs::exists(Path(program) + "/table.txt"));
     ::kill(child, SIGTERM);

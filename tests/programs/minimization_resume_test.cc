@@ -148,9 +148,7 @@ TEST_F(MinimizationResume, CtrlCKeepsWhatIsDone) {
   words[1] = "--rules=ceres_lm,gradient_descent:step_size=1e-9";
   const pid_t child = Start(words);
   const std::string folder = Path("run") + "/more_garbow_hillstrom-seed1/";
-  for (int i = 0; i < 1000 && !fs::exists(folder + "ceres_lm.run"); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  WaitForFile(folder + "ceres_lm.run");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   ::kill(child, SIGINT);
   const Output interrupted = Wait(child);

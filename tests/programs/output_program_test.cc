@@ -193,9 +193,7 @@ TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
                              "--steps=5000000",
                              "--plots=false",
                              "--output=" + Path("run")});
-  for (int i = 0; i < 3000 && !fs::exists(Path("run/versions.txt")); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  WaitForFile(Path("run/versions.txt"));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   ::kill(child, SIGHUP);
   const Output output = Wait(child);

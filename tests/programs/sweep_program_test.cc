@@ -258,9 +258,7 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   arguments[2] = "--steps=1000000000";
   const pid_t child = Start(arguments);
   const std::string endless = Path("run") + "/jobs/1-adam-batch32-seed1";
-  for (int i = 0; i < 500 && !fs::exists(endless); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  WaitForFile(endless);
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   ::kill(child, SIGINT);
   const Output output = Wait(child);

@@ -92,9 +92,7 @@ TEST_F(TimeWindowsProgram, CtrlCReportsTheWindowsSoFar) {
                              "--noplots",
                              "--noprogress",
                              "--output=" + Path("run")});
-  for (int i = 0; i < 1000 && !fs::exists(Path("run/versions.txt")); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  WaitForFile(Path("run/versions.txt"));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ::kill(child, SIGINT);
   const Output output = Wait(child);

@@ -6,12 +6,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -71,6 +73,13 @@ class ProgramRunner : public ::testing::Test {
       std::_Exit(127);
     }
     return child;
+  }
+
+  // Until a program that runs has made the file, for half a minute at most.
+  static void WaitForFile(const std::string& path) {
+    for (int i = 0; i < 3000 && !std::filesystem::exists(path); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
   }
 
   Output Wait(pid_t child) const {
