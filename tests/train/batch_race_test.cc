@@ -344,14 +344,19 @@ TEST(RacedTraining, ReportsTheLowestTrainLossThatWasEvaluated) {
   EXPECT_GT(num_kept, 5);
 }
 
-// A gradient step; none for the 6 outputs of 3 samples.
-class StillForThreeSamples final : public UpdateRule {
+// A gradient step, which knows the number of outputs: 6 of 3 samples.
+class StepForSamples : public UpdateRule {
  public:
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Jacobian();
     parts.gradient = true;
     return parts;
   }
+};
+
+// None for 3 samples.
+class StillForThreeSamples final : public StepForSamples {
+ public:
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* /*error*/) override {
@@ -464,14 +469,9 @@ TEST(RacedTraining, GoesBackToTheLowestLossFromFarAboveIt) {
   EXPECT_GT(num_back, 5);
 }
 
-// A gradient step, only for the 6 outputs of 3 samples.
-class ForThreeSamples final : public UpdateRule {
+// Only for 3 samples.
+class ForThreeSamples final : public StepForSamples {
  public:
-  LinearizationParts Needs() const override {
-    LinearizationParts parts = LinearizationParts::Jacobian();
-    parts.gradient = true;
-    return parts;
-  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override {
