@@ -23,7 +23,8 @@ constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 // Until one is tried again where there is only one size.
 constexpr double kRetry = 1.3;
 constexpr double kNextSmaller = 4.0;
-// Above the lowest loss, in its sizes.
+// A loss is far above the lowest one if the difference is so many times the
+// size of this one.
 constexpr double kFarAbove = 9.0;
 
 }  // namespace
