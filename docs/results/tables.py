@@ -81,7 +81,7 @@ def find(folder, words):
     files = [*folder.glob(f"*/{name}/summary.csv"),
              *folder.glob(f"*/{name}/sweep.csv")]
     if not files:
-        raise FileNotFoundError(name)
+        raise FileNotFoundError(f"{name} has not run")
     return files[0]
 
 
@@ -207,8 +207,8 @@ def update(page, folder, writes):
     for table in TABLE.finditer(text):
         try:
             lines = rebuild(folder / page.stem, *table.groups())
-        except FileNotFoundError as error:
-            print(f"{page.name}: {error} has not run")
+        except (FileNotFoundError, LookupError) as error:
+            print(f"{page.name}: a table stays as it is: {error}")
             continue
         for old, new in zip(table[2].splitlines(), lines):
             if old != new:
