@@ -31,7 +31,6 @@ struct FileFlags {
   std::string weights;
   std::string deviations;
   std::string edge_error = "g2o";
-  std::string information_root;
   std::string separable = "off";
   std::string start = "both";
   std::string loss = "none";
@@ -83,12 +82,9 @@ void AddFileFlags() {
       &Flags().edge_error,
       "of an edge between poses (g2o files): g2o, in the frame of the "
       "measurement, as the format defines it; ceres, in the frame of the first "
-      "pose, as in Ceres' examples");
-  AddFlag("information_root",
-          &Flags().information_root,
-          "which Cholesky factor of an edge's information weights its error: "
-          "upper, as the format defines it; lower, as in Ceres' examples; "
-          "empty: upper, but with --edge_error=ceres lower");
+      "pose, weighted by the lower Cholesky factor of the information, as in "
+      "Ceres' examples; ceres_upper, the same with the upper factor, which is "
+      "that of the format");
   AddFlag("separable",
           &Flags().separable,
           "on: minimize over the nonlinear parameters, from which the "
@@ -179,19 +175,14 @@ bool CheckModelFlags(std::string* error) {
 }
 
 bool ReadEdgeError(EdgeError* edge_error, std::string* error) {
-  if (!CheckFlag("edge_error", {"g2o", "ceres"}, error) ||
-      !CheckFlag("information_root", {"", "lower", "upper"}, error)) {
+  if (!CheckFlag("edge_error", {"g2o", "ceres", "ceres_upper"}, error)) {
     return false;
   }
-  if (Flags().edge_error == "ceres") {
-    *edge_error = Flags().information_root == "upper" ? EdgeError::kCeresUpper
-                                                      : EdgeError::kCeres;
-    return true;
-  }
-  *edge_error = EdgeError::kG2o;
-  if (Flags().information_root != "lower") return true;
-  *error = "--information_root=lower: only with --edge_error=ceres";
-  return false;
+  const std::string& name = Flags().edge_error;
+  *edge_error = name == "g2o"     ? EdgeError::kG2o
+                : name == "ceres" ? EdgeError::kCeres
+                                  : EdgeError::kCeresUpper;
+  return true;
 }
 
 bool ReadFiles(std::vector<EstimationInput>* inputs, std::string* error) {
@@ -273,8 +264,7 @@ bool CheckProblems(bool has_problems, std::string* error) {
                   "bounds",
                   "weights",
                   "deviations",
-                  "edge_error",
-                  "information_root"});
+                  "edge_error"});
   }
   return CheckNotGiven(names, "is for files, not for --problems", error);
 }

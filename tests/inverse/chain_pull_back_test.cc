@@ -267,8 +267,8 @@ TEST(ChainPullBackTest, ThreadsDoNotChangeABit) {
             std::string::npos)
       << counts.Report();
   for (const int num_threads : {2, 3, 64}) {
-    options.num_threads = num_threads;
-    ChainPullBack shared(&model, UnreliableInverse(), options);
+    const Model threaded = model.WithThreads(num_threads);
+    ChainPullBack shared(&threaded, UnreliableInverse(), options);
     for (int repeat = 0; repeat < 3; ++repeat) {
       const Linearization at = Linearized(&shared, weights, data);
       EXPECT_EQ(at.cost, expected.cost);
@@ -291,9 +291,9 @@ TEST(ChainPullBackTest, ErrorsNameTheSample) {
     for (const SimulatorWay way :
          {SimulatorWay::kAdjoint, SimulatorWay::kInverse}) {
       for (const int num_threads : {1, 3}) {
-        Options options = Ways(LossWay::kNewton, way);
-        options.num_threads = num_threads;
-        ChainPullBack chain(&model, BendInverse(), options);
+        const Model threaded = model.WithThreads(num_threads);
+        ChainPullBack chain(
+            &threaded, BendInverse(), Ways(LossWay::kNewton, way));
         Linearization at;
         std::string error;
         EXPECT_FALSE(chain.Linearize(theta, data, AllParts(), &at, &error));

@@ -263,8 +263,10 @@ TEST(PoissonPinn, ContinuesFromACheckpointToTheSameBits) {
 TEST(PoissonPinn, ThreadsDoNotChangeAPullBack) {
   const LearningProblem problem = CreateLearningProblem(kFewPoints);
   const std::string method = "newton/numerical/adam:step_size=1e-2";
+  TrainOptions threaded = Steps(5);
+  threaded.num_threads = 3;
   EXPECT_EQ(Train(problem, method, Steps(5)).weights,
-            Train(problem, method + ":threads=3", Steps(5)).weights);
+            Train(problem, method, threaded).weights);
 }
 
 class EveryMethod : public testing::TestWithParam<const char*> {};

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
 #include <random>
 #include <string>
 #include <thread>
@@ -73,11 +72,9 @@ TEST_F(CompareRanks, RefuseWhatRanksCannotShare) {
 }
 
 // kill -9 of a random rank at a random moment: all ranks end, and the resumed run
-// ends where an undisturbed one does, bit for bit. INVGRAD_NUM_KILLS is for long
-// runs by hand.
+// ends where an undisturbed one does, bit for bit. --gtest_repeat with
+// --gtest_shuffle does it more often, at other moments.
 TEST_F(CompareRanks, KilledRanksLoseNothing) {
-  const char* kills = std::getenv("INVGRAD_NUM_KILLS");
-  const int num_kills = kills == nullptr ? 3 : std::atoi(kills);
   const auto run = [this](const std::string& output) -> Words {
     return {"--problem=oscillator_chain:num_samples=256",
             "--rules=half_inverse:truncation=1e-3",
@@ -89,37 +86,27 @@ TEST_F(CompareRanks, KilledRanksLoseNothing) {
   };
   ASSERT_EQ(RunRanks(2, run("whole")).exit_code, 0);
   const std::string name = "/half_inverse-truncation-1e-3-seed1";
-  const Eigen::VectorXd whole = Weights("whole" + name);
-  std::mt19937 random(1);
-  int num_resumed = 0;
-  for (int i = 0; i < num_kills; ++i) {
-    SCOPED_TRACE(i);
-    const std::string output = "killed" + std::to_string(i);
-    const pid_t mpirun = StartRanks(2, run(output));
-    while (Children(mpirun).size() < 2) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    std::this_thread::sleep_for(
-        std::chrono::milliseconds(100 + random() % 900));
-    const std::vector<pid_t> ranks = Children(mpirun);
-    const std::size_t rank = random() % 2;
-    const bool is_killed =
-        rank < ranks.size() && ::kill(ranks[rank], SIGKILL) == 0;
-    const Clock::time_point start = Clock::now();
-    const Output ended = Wait(mpirun);
-    EXPECT_LT(Clock::now() - start, std::chrono::seconds(10));
-    if (is_killed && ended.exit_code != 0) {
-      ExpectSays(ended, {"process rank " + std::to_string(rank), "signal 9"});
-      ++num_resumed;
-    }
-    Words again = run(output);
-    again.emplace_back("--resume");
-    const Output resumed = RunRanks(2, again);
-    EXPECT_EQ(resumed.exit_code, 0) << resumed.text << ended.text;
-    EXPECT_EQ(Weights(output + name), whole);
+  std::mt19937 random(1 + testing::UnitTest::GetInstance()->random_seed());
+  const pid_t mpirun = StartRanks(2, run("killed"));
+  while (Children(mpirun).size() < 2) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  std::cout << num_resumed << " of " << num_kills
-            << " runs were ended by the kill and resumed\n";
+  std::this_thread::sleep_for(std::chrono::milliseconds(100 + random() % 900));
+  const std::vector<pid_t> ranks = Children(mpirun);
+  const std::size_t rank = random() % 2;
+  const bool is_killed =
+      rank < ranks.size() && ::kill(ranks[rank], SIGKILL) == 0;
+  const Clock::time_point start = Clock::now();
+  const Output killed = Wait(mpirun);
+  EXPECT_LT(Clock::now() - start, std::chrono::seconds(10));
+  if (is_killed && killed.exit_code != 0) {
+    ExpectSays(killed, {"process rank " + std::to_string(rank), "signal 9"});
+  }
+  Words again = run("killed");
+  again.emplace_back("--resume");
+  const Output resumed = RunRanks(2, again);
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.text << killed.text;
+  EXPECT_EQ(Weights("killed" + name), Weights("whole" + name));
 }
 
 }  // namespace compare_ranks_test

@@ -72,22 +72,6 @@ TEST_F(HistoryTest, WritesTheDocumentedText) {
                 "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,32,1024\n");
 }
 
-TEST_F(HistoryTest, FilesBeforeTheCallsWereCountedAreRead) {
-  const std::string old =
-      header_.substr(0, header_.rfind(',')) + "\n" +
-      "0,0,0,,0.25,0.26,,,,,,,,\n16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,32\n";
-  std::string error;
-  ASSERT_TRUE(WriteFile(path_, old, &error)) << error;
-  History history;
-  ASSERT_TRUE(ReadHistory(path_, &history, &error)) << error;
-  ASSERT_EQ(history.size(), 2u);
-  EXPECT_EQ(history[1].batch_size, 32);
-  EXPECT_TRUE(std::isnan(history[1].simulator_calls));
-  EXPECT_EQ(ReadError(header_.substr(0, header_.rfind(',')) +
-                      "\n1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
-            "line 2: found 15 fields, wanted 14");
-}
-
 TEST_F(HistoryTest, RoundTripIsExact) {
   History history(3);
   history[0].step = std::numeric_limits<long>::max();

@@ -282,7 +282,9 @@ TEST(PullBackTraining, ThreadsDoNotChangeABit) {
   const LearningProblem problem =
       CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
   const TrainResult one = TrainProblem(problem, "sip", Steps(20));
-  const TrainResult three = TrainProblem(problem, "sip:threads=3", Steps(20));
+  TrainOptions options = Steps(20);
+  options.num_threads = 3;
+  const TrainResult three = TrainProblem(problem, "sip", options);
   EXPECT_EQ(one.weights, three.weights);
   EXPECT_EQ(one.summary.message, three.summary.message);
 }

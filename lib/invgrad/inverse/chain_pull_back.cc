@@ -43,7 +43,6 @@ ChainPullBack::ChainPullBack(const Model* model,
   CHECK_GT(options.max_change, 0.0);
   CHECK_GE(options.data_weight, 0.0);
   CHECK_GE(options.updates_per_evaluation, 1);
-  CHECK_GE(options.num_threads, 1);
   CHECK(options.updates_per_evaluation == 1 || model->feedback() == nullptr)
       << "in a closed loop an update moves the inputs of the next one";
 }
@@ -141,7 +140,7 @@ bool ChainPullBack::PullBackSamples(const DataSet& batch,
   samples->resize(num_samples);
   ForShares(
       num_samples,
-      std::max(options_.num_threads, model_.num_threads()),
+      model_.num_threads(),
       [&](int begin, int end) {
         for (int s = begin; s < end; ++s) {
           (*samples)[s] = PullBackSample(x.col(s), batch, s);

@@ -32,9 +32,8 @@
 //
 // Shapes:  x: |x| B, sample by sample;  scale: the model's BatchScale.
 // Cost:    a forward and a backward pass of the network and one simulator
-//          pull-back a sample, one sample at a time, on num_threads threads or
-//          on those of the model, if they are more. LinearizeAgain does not
-//          evaluate the simulator.
+//          pull-back a sample, one sample at a time, on the model's threads.
+//          LinearizeAgain does not evaluate the simulator.
 // Fails:   Linearize returns false with a message that names the sample if the
 //          network, simulator or loss has no finite value. A sample without a
 //          pull-back does not move (PullBackCounts).
@@ -77,7 +76,6 @@ class ChainPullBack final : public BatchObjective {
     double max_change = std::numeric_limits<double>::infinity();
     double data_weight = 0.0;
     int updates_per_evaluation = 1;
-    int num_threads = 1;
     // Not null: the batches are pieces, one a rank, of a batch over which the
     // weights w and the counts are computed.
     const Communicator* communicator = nullptr;

@@ -79,10 +79,6 @@ void PullBackMethod::Describe(OptionSet* set) {
            &max_change_,
            {0.0, kInfinity},
            "longest |d_x| of a sample; 0: any");
-  set->Add("threads",
-           &options_.num_threads,
-           {1, 1024},
-           "threads over the samples, if more than those of the run");
   if (way() == SimulatorWay::kData) return;
   set->Add("data_weight",
            &options_.data_weight,

@@ -2,7 +2,7 @@
 //
 //   (c J^T J + lambda D) x = J^T w
 //
-//   dense     D = |J|^2 I,  |J|: Frobenius norm. By the Gram matrix of the
+//   dense     D = c |J|^2 I,  |J|: Frobenius norm. By the Gram matrix of the
 //             smaller side k = min(m, n).
 //   sparse    D = c diag(J^T J), where it is not 0. Independent blocks of
 //             columns, as points of a bundle adjustment, are eliminated first,

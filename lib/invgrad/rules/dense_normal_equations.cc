@@ -41,7 +41,7 @@ class DenseNormalEquations final : public DampedNormalEquations {
 
   bool Factorize(double lambda) override {
     factor_ = c_ * gram_;
-    factor_.diagonal().array() += lambda * squared_norm_;
+    factor_.diagonal().array() += lambda * c_ * squared_norm_;
     const auto k = static_cast<lapack_int>(factor_.rows());
     return LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', k, factor_.data(), k) == 0;
   }

@@ -36,8 +36,8 @@
 //          for squared norms.
 // Cost:    one factorization for each lambda tried (1.5 on the average), two
 //          solutions with it, and two or three evaluations of the loss.
-// Units:   lambda and gain are numbers. With a sparse J the steps do not depend
-//          on the units of x; with a dense J they do.
+// Units:   lambda and gain are numbers. The steps do not depend on the units of
+//          the loss and of y; on those of x with a dense J only.
 // Fails:   returns false if J or g is not finite, if memory does not suffice, or
 //          if the loop does not set Linearization::after.
 // The loss is that of the samples of the step: on a small batch of noisy data a

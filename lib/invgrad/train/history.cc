@@ -15,12 +15,11 @@ namespace invgrad {
 namespace {
 
 constexpr size_t kNumFields = 1 + std::size(kHistoryColumns);
-constexpr size_t kNumOldFields = kNumFields - 1;  // before simulator_calls
 
-std::string HeaderLine(size_t num_fields = kNumFields) {
+std::string HeaderLine() {
   std::string line = "step";
-  for (size_t i = 1; i < num_fields; ++i) {
-    line += fmt::format(",{}", kHistoryColumns[i - 1].name);
+  for (const HistoryColumn& column : kHistoryColumns) {
+    line += fmt::format(",{}", column.name);
   }
   return line;
 }
@@ -52,18 +51,16 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
 }
 
 // Returns an error message, or an empty string.
-std::string ParseRow(std::string_view line,
-                     size_t num_fields,
-                     HistoryRow* row) {
+std::string ParseRow(std::string_view line, HistoryRow* row) {
   const std::vector<std::string_view> fields = Split(line, ',');
-  if (fields.size() != num_fields) {
-    return fmt::format("found {} fields, wanted {}", fields.size(), num_fields);
+  if (fields.size() != kNumFields) {
+    return fmt::format("found {} fields, wanted {}", fields.size(), kNumFields);
   }
   const auto wrong = [](std::string_view field) {
     return fmt::format("found '{}', wanted a number", Printable(field));
   };
   if (!Parse(fields[0], &row->step)) return wrong(fields[0]);
-  for (size_t i = 1; i < num_fields; ++i) {
+  for (size_t i = 1; i < kNumFields; ++i) {
     double* value = &(row->*kHistoryColumns[i - 1].value);
     *value = HistoryRow::kNone;
     if (!fields[i].empty() && !Parse(fields[i], value)) return wrong(fields[i]);
@@ -100,8 +97,7 @@ bool ReadHistory(const std::string& path,
     *error = fmt::format("file {}, line {}: {}", path, line, problem);
     return false;
   };
-  const bool is_old = lines[0] == HeaderLine(kNumOldFields);
-  if (!is_old && lines[0] != HeaderLine()) {
+  if (lines[0] != HeaderLine()) {
     return fail(1, "wanted the header " + HeaderLine());
   }
   // The last number may be truncated.
@@ -110,8 +106,7 @@ bool ReadHistory(const std::string& path,
   }
   History rows(lines.size() - 2);
   for (size_t i = 0; i < rows.size(); ++i) {
-    const std::string problem =
-        ParseRow(lines[i + 1], is_old ? kNumOldFields : kNumFields, &rows[i]);
+    const std::string problem = ParseRow(lines[i + 1], &rows[i]);
     if (!problem.empty()) return fail(i + 2, problem);
   }
   *history = std::move(rows);
