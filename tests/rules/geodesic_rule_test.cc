@@ -76,12 +76,29 @@ TEST(GeodesicRule, OfALinearProblemIsTheDampedStep) {
       const VectorXd step = StepOf(rule.get(), problem.At(x));
       const MatrixXd& A = problem.A;
       MatrixXd H = c * A.transpose() * A;
-      H.diagonal().array() += 0.5e-2 * A.squaredNorm();
+      H.diagonal().array() += 0.5e-2 * c * A.squaredNorm();
       const VectorXd expected =
           -H.llt().solve(c * A.transpose() * problem.Outputs(x));
       EXPECT_LT((step - expected).norm(), 1e-11 * expected.norm());
       EXPECT_EQ((*rule->MutableState()[0])[0], 0.5e-2);
     }
+  }
+}
+
+// The unit of the loss changes no step; a power of two, not a bit.
+TEST(GeodesicRule, TheUnitOfTheLossDoesNotMatter) {
+  for (const auto& [m, n] : {std::pair(7, 4), std::pair(4, 7)}) {
+    std::vector<VectorXd> ends;
+    for (const int exponent : {0, -60, 60}) {
+      Parabola problem = MakeParabola(m, n, 0.2);
+      problem.c = std::ldexp(1.0, exponent);
+      const auto rule = MakeRule("adaptive");
+      VectorXd x = RandomMatrix(n, 1, 5);
+      for (int k = 0; k < 20; ++k) x += StepOf(rule.get(), problem.At(x));
+      ends.push_back(x);
+    }
+    EXPECT_EQ(ends[1], ends[0]);
+    EXPECT_EQ(ends[2], ends[0]);
   }
 }
 

@@ -96,27 +96,53 @@ TEST(BatchRace, ASliceWithoutALossLoses) {
 TEST(BatchRace, GoesBackFromTenTimesTheLowestLoss) {
   using Verdict = BatchRace::Verdict;
   BatchRace race(8, 1000, Linear());
+  // The new samples are as hard as all others.
+  const auto of_lowest = [&race]() { return race.lowest_loss(); };
   // There is nothing to go back to.
-  EXPECT_EQ(race.Decide(kInfinity), Verdict::kGoesOn);
-  EXPECT_EQ(race.Decide(2.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Decide(2.0), Verdict::kGoesOn);
-  EXPECT_EQ(race.Decide(1.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Decide(10.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(kInfinity, of_lowest), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(2.0, of_lowest), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(2.0, of_lowest), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(1.0, of_lowest), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(10.0, of_lowest), Verdict::kGoesOn);
   EXPECT_EQ(race.lowest_loss(), 1.0);
   EXPECT_EQ(race.Report(), "batch size 8");
-  EXPECT_EQ(race.Decide(10.1), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(10.1, of_lowest), Verdict::kGoesBack);
   EXPECT_EQ(race.Report(), "batch size 8; went back 1 time");
-  EXPECT_EQ(race.Decide(kInfinity), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(kInfinity, of_lowest), Verdict::kGoesBack);
   EXPECT_EQ(race.lowest_loss(), 1.0);
   EXPECT_EQ(race.Report(), "batch size 8; went back 2 times");
   // Not from a loss of zero to itself.
-  EXPECT_EQ(race.Decide(0.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Decide(0.0), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(0.0, of_lowest), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(0.0, of_lowest), Verdict::kGoesOn);
   // A loss may be negative.
-  EXPECT_EQ(race.Decide(-2.0), Verdict::kIsLowest);
-  EXPECT_EQ(race.Decide(-1.0), Verdict::kGoesOn);
-  EXPECT_EQ(race.Decide(15.0), Verdict::kGoesOn);
-  EXPECT_EQ(race.Decide(17.0), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(-2.0, of_lowest), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(-1.0, of_lowest), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(15.0, of_lowest), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(17.0, of_lowest), Verdict::kGoesBack);
+}
+
+// A loss far above the lowest one is no reason to go back if the weights that had
+// this have it, too, on the same samples.
+TEST(BatchRace, GoesOnWhereTheNewSamplesAreHarder) {
+  using Verdict = BatchRace::Verdict;
+  BatchRace race(8, 1000, Linear());
+  const auto never = []() {
+    ADD_FAILURE() << "evaluated without need";
+    return 0.0;
+  };
+  const auto of_lowest = [](double loss) { return [=]() { return loss; }; };
+  EXPECT_EQ(race.Decide(1.0, never), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(9.0, never), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(50.0, of_lowest(20.0)), Verdict::kGoesOn);
+  EXPECT_EQ(race.lowest_loss(), 20.0);
+  // They are worse on these.
+  EXPECT_EQ(race.Decide(300.0, of_lowest(400.0)), Verdict::kIsLowest);
+  EXPECT_EQ(race.lowest_loss(), 300.0);
+  EXPECT_EQ(race.Decide(3100.0, of_lowest(301.0)), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(kInfinity, of_lowest(1.0)), Verdict::kGoesBack);
+  // Neither has a finite loss: the next one that has is the lowest.
+  EXPECT_EQ(race.Decide(kInfinity, of_lowest(kInfinity)), Verdict::kGoesOn);
+  EXPECT_EQ(race.Decide(7.0, never), Verdict::kIsLowest);
 }
 
 TEST(BatchRace, LargerBatchesMustFit) {

@@ -61,14 +61,22 @@ int BatchRace::Smaller() {
   return size;
 }
 
-BatchRace::Verdict BatchRace::Decide(double loss) {
+BatchRace::Verdict BatchRace::Decide(double loss,
+                                     const std::function<double()>& of_lowest) {
+  const auto is_far_above_lowest = [&]() {
+    return loss > lowest_loss_ + kFarAbove * std::abs(lowest_loss_);
+  };
+  if (loss >= lowest_loss_) {
+    if (!is_far_above_lowest()) return Verdict::kGoesOn;
+    // Rare samples with large residuals may be among the new ones.
+    lowest_loss_ = of_lowest();
+    work_ += costs_.of_judgement;
+  }
   if (loss < lowest_loss_) {
     lowest_loss_ = loss;
     return Verdict::kIsLowest;
   }
-  if (loss <= lowest_loss_ + kFarAbove * std::abs(lowest_loss_)) {
-    return Verdict::kGoesOn;
-  }
+  if (!is_far_above_lowest()) return Verdict::kGoesOn;
   ++num_returns_;
   return Verdict::kGoesBack;
 }

@@ -28,8 +28,9 @@
 //   larger batches   4 B, or else 2 B, if four steps with them cost at most a
 //                    tenth of all work so far, and fit in memory
 //   going back       where a race begins or ends with a loss above ten times the
-//                    lowest of earlier ones: the run goes back to the weights and
-//                    the state of the rule that had this
+//                    lowest of earlier ones, and above ten times the loss that
+//                    those weights have on the same samples: the run goes back to
+//                    them and to the state that the rule had there
 //   cost             a race begins when earlier ones are a fifth of all work
 //
 // Units:   work is a count of operations, from sizes: the same run repeats bit
@@ -65,8 +66,9 @@ class BatchRace {
   int lane() const { return lane_; }
 
   // What the run does where a race begins or ends with `loss`, of new samples.
+  // `of_lowest` returns the loss of the weights of lowest_loss() on these.
   enum class Verdict { kGoesOn, kGoesBack, kIsLowest };
-  Verdict Decide(double loss);
+  Verdict Decide(double loss, const std::function<double()>& of_lowest);
   double lowest_loss() const { return lowest_loss_; }
 
   // Whether a race may begin before the next step.

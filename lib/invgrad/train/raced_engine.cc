@@ -113,9 +113,11 @@ void RacedEngine::Lane::VisitState(const std::string& name,
 Engine::StepResult RacedEngine::Step(double progress,
                                      Eigen::VectorXd* weights) {
   if (race_.IsDue()) {
-    const double loss =
-        Judge(*weights, engine_->TakeSamples(num_judging_, *weights));
-    if (race_.Begin(KeepOrGoBack(loss, weights))) start_ = Save(*weights);
+    const DataSet samples = engine_->TakeSamples(num_judging_, *weights);
+    const double loss = Judge(*weights, samples);
+    if (race_.Begin(KeepOrGoBack(loss, samples, weights))) {
+      start_ = Save(*weights);
+    }
   }
   engine_->set_batch_size(race_.batch_size());
   StepResult result = engine_->Step(progress, weights);
@@ -137,8 +139,13 @@ Engine::Counts RacedEngine::counts() const {
   return counts;
 }
 
-double RacedEngine::KeepOrGoBack(double loss, Eigen::VectorXd* weights) {
-  switch (race_.Decide(loss)) {
+double RacedEngine::KeepOrGoBack(double loss,
+                                 const DataSet& samples,
+                                 Eigen::VectorXd* weights) {
+  const auto of_lowest = [&]() {
+    return Judge(lowest_.of_rule.weights, samples);
+  };
+  switch (race_.Decide(loss, of_lowest)) {
     case BatchRace::Verdict::kIsLowest:
       lowest_ = Save(*weights);
       return loss;
@@ -167,7 +174,7 @@ void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
   }
   const int winner = race_.End(losses);
   Load(lanes_[winner], weights);
-  KeepOrGoBack(losses[winner], weights);
+  KeepOrGoBack(losses[winner], samples, weights);
   lanes_.clear();
   start_ = Lane();
 }

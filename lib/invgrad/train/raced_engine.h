@@ -66,9 +66,12 @@ class RacedEngine final : public Engine {
   // The loss; infinite if it is not finite.
   double Judge(const Eigen::VectorXd& weights, const DataSet& samples);
   // Of a run at the begin or the end of a race: keeps the weights and the state
-  // if their loss is the lowest; goes back to those if it is far above it.
+  // if their loss on the samples is the lowest; goes back to those of the lowest
+  // if it is far above it.
   // Returns the loss after that.
-  double KeepOrGoBack(double loss, Eigen::VectorXd* weights);
+  double KeepOrGoBack(double loss,
+                      const DataSet& samples,
+                      Eigen::VectorXd* weights);
   void EndSlice(bool has_failed, Eigen::VectorXd* weights);
 
   const std::unique_ptr<RuleEngine> engine_;
