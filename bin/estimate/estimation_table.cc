@@ -49,6 +49,12 @@ std::vector<std::string> MethodsOf(const std::vector<EstimationRow>& rows) {
   return methods;
 }
 
+// The highest cost that counts as the cost `low`, which two runs reach with
+// different rounding errors. `zero`: the highest cost that counts as 0.
+double HighestSameCost(double low, double share, double zero) {
+  return low + share * std::abs(low) + zero;
+}
+
 }  // namespace
 
 bool IsSolved(const EstimationRow& row) {
@@ -58,8 +64,11 @@ bool IsSolved(const EstimationRow& row) {
 std::vector<std::pair<std::string, int>> LeastCostCounts(
     const std::vector<EstimationRow>& rows) {
   constexpr double kSameCost = 1e-6;
-  std::map<std::string, double> least_cost;
+  constexpr double kZero = 1e-16;  // of the initial cost
+  std::map<std::string, double> least_cost, zero;
   for (const EstimationRow& row : rows) {
+    double& of_start = zero[row.start];
+    of_start = std::fmax(of_start, kZero * row.initial_cost);
     if (!std::isfinite(row.final_cost)) continue;
     const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
     if (!is_new) it->second = std::min(it->second, row.final_cost);
@@ -68,9 +77,10 @@ std::vector<std::pair<std::string, int>> LeastCostCounts(
   for (const std::string& method : MethodsOf(rows)) {
     int count = 0;
     for (const EstimationRow& row : rows) {
-      const double least = least_cost[row.start];
       count += row.method == method &&
-               row.final_cost <= least + kSameCost * std::abs(least);
+               row.final_cost <= HighestSameCost(least_cost[row.start],
+                                                 kSameCost,
+                                                 zero[row.start]);
     }
     counts.emplace_back(method, count);
   }
@@ -82,10 +92,10 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
   constexpr size_t kMaxNumMinima = 10;
   std::map<std::string, std::set<std::string>> starts;
   std::map<std::string, std::vector<double>> costs;
-  std::map<std::string, double> rounding;  // of an input's costs
+  std::map<std::string, double> zero;  // of an input's costs
   for (const EstimationRow& row : rows) {
     starts[row.input].insert(row.start);
-    double& of_input = rounding[row.input];
+    double& of_input = zero[row.input];
     of_input = std::fmax(of_input, 1e-12 * row.initial_cost);
     if (std::isfinite(row.final_cost))
       costs[row.input].push_back(row.final_cost);
@@ -96,8 +106,8 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
     std::vector<double>& ends = input_and_ends.second;
     if (starts[input].size() < 2) continue;
     std::sort(ends.begin(), ends.end());
-    const auto end_of = [of_input = rounding[input]](double low) {
-      return low + kSameCost * std::abs(low) + of_input;
+    const auto end_of = [of_input = zero[input]](double low) {
+      return HighestSameCost(low, kSameCost, of_input);
     };
     const bool has_one = ends.back() <= end_of(ends[0]);
     if (has_one && costs.size() > 1) continue;

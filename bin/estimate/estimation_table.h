@@ -44,7 +44,8 @@ struct EstimationRow {
 bool IsSolved(const EstimationRow& row);
 
 // For each method, from how many starts it reached the least cost of all
-// methods, up to 1e-6 of it, in the order of their first runs.
+// methods, up to 1e-6 of it and 1e-16 of the initial cost, in the order of the
+// methods' first runs.
 std::vector<std::pair<std::string, int>> LeastCostCounts(
     const std::vector<EstimationRow>& rows);
 

@@ -2,8 +2,10 @@
 
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "bin/estimate/estimation_table.h"
 #include "gtest/gtest.h"
 #include "tests/programs/csv_lines.h"
 #include "tests/programs/estimate_program.h"
@@ -58,6 +60,29 @@ TEST_F(EstimateProblems, ComparesSeveralProblemsFromSeeds) {
   // Profiles over all starts.
   const std::string report = ReadAll(Path("run") + "/report.html");
   EXPECT_NE(report.find("performance profile"), std::string::npos);
+}
+
+// At a minimum of zero, costs are what rounding and the last step left.
+TEST(LeastCostCounts, ACostOfZeroIsReachedUpToRounding) {
+  const auto row = [](const std::string& start,
+                      const std::string& method,
+                      double final_cost) {
+    EstimationRow run;
+    run.start = start;
+    run.method = method;
+    run.initial_cost = 24.0;
+    run.final_cost = final_cost;
+    return run;
+  };
+  const std::vector<std::pair<std::string, int>> expected = {{"a", 2},
+                                                             {"b", 2}};
+  EXPECT_EQ(LeastCostCounts({row("1", "a", 1e-31),
+                             row("1", "b", 1e-18),
+                             row("2", "a", 0.5),
+                             row("2", "b", 0.0),
+                             row("3", "a", 2.0),
+                             row("3", "b", 2.0 + 1e-5)}),
+            expected);
 }
 
 TEST_F(EstimateProblems, GoesOnWithWhatIsMissing) {
