@@ -204,7 +204,7 @@ class Planner {
 
   // Makes each problem once, and each of its networks.
   bool FindProblem(const std::string& specification,
-                   const NetworkSettings& network,
+                   NetworkSettings network,
                    std::shared_ptr<const PhysicsProblem>* problem) {
     std::shared_ptr<const PhysicsProblem>& own = problems_[specification];
     if (own == nullptr) {
@@ -216,12 +216,11 @@ class Planner {
     }
     *problem = own;
     if (!own->learning.has_value()) return true;
-    std::shared_ptr<const PhysicsProblem>& known =
-        problems_[fmt::format("{};{};{};{}",
-                              specification,
-                              network.hidden,
-                              network.activation,
-                              network.initialization)];
+    std::string key = specification;
+    for (const std::string& name : NetworkSettings::Names()) {
+      key += ';' + *network.Find(name);
+    }
+    std::shared_ptr<const PhysicsProblem>& known = problems_[key];
     if (known == nullptr) {
       auto changed = std::make_shared<PhysicsProblem>(*own);
       if (!SetNetwork(network, &*changed->learning, error_)) return false;

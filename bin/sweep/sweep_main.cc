@@ -65,8 +65,8 @@ void SweepOptions::AddFlags() {
   AddFlag("grid",
           &grid,
           "\"axis=value,value; axis=value,...\": an axis is rule, seed, "
-          "batch_size, hidden, activation, initialization, or an option "
-          "of the problem or of the rules");
+          "batch_size, hidden, activation, initialization, torch_script, "
+          "or an option of the problem or of the rules");
   AddFlag("value",
           &value,
           "what is compared: train_loss, test_loss, metric; auto: the last "

@@ -1,11 +1,14 @@
 // Grids as text, and what they mean.
 
+#include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "bin/sweep/plan.h"
 #include "gtest/gtest.h"
+#include "invgrad/compare/compare.h"
 
 namespace invgrad {
 namespace sweep_grid_test {
@@ -230,6 +233,21 @@ TEST(SweepPlan, TheCommandLinesNetworkStandsWhereNoAxisSetsIt) {
   base.network.hidden = "4-five";
   EXPECT_FALSE(MakeSweepPlan(base, grid, &plan, &error));
   EXPECT_EQ(error.rfind("--hidden=4-five: ", 0), 0u) << error;
+}
+
+TEST(SweepPlan, EveryTorchScriptFileIsANetworkOfItsOwn) {
+  SetTorchScriptLoader([](const std::string& path,
+                          const std::vector<std::int64_t>& input_shape,
+                          bool /*double_precision*/,
+                          std::string* /*error*/) {
+    const std::vector<int> widths = {
+        static_cast<int>(input_shape[0]), static_cast<int>(path.size()), 2};
+    return std::make_shared<DenseNetwork>(widths, Activation::kTanh);
+  });
+  const SweepPlan plan = Plan("torch_script=a.pt,large.pt;rule=adam");
+  ASSERT_EQ(plan.jobs.size(), 2u);
+  EXPECT_EQ(plan.jobs[0].learning().model->dense_network()->widths()[1], 4);
+  EXPECT_EQ(plan.jobs[1].learning().model->dense_network()->widths()[1], 8);
 }
 
 }  // namespace sweep_grid_test
