@@ -284,14 +284,16 @@ bool MakeRoom(const std::string& path,
   return Remove(contents.temporary, error);
 }
 
-// Except those that say what to do with the directory.
+// One line a flag, except those that say what to do with the directory.
 std::string FlagsOfRun() {
   constexpr std::string_view kNotOfRun[] = {
       "overwrite", "resume", "list_jobs", "job", "collect"};
   std::string flags;
   for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
     if (Contains(kNotOfRun, flag.name)) continue;
-    flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
+    std::string value = flag.current_value;
+    std::replace(value.begin(), value.end(), '\n', ' ');
+    flags += fmt::format("--{}={}\n", flag.name, value);
   }
   return flags;
 }

@@ -232,8 +232,6 @@ bool Check(SweepOptions* options,
            SweepPlan* plan,
            SweepValue* value,
            std::string* error) {
-  // flags.txt has one line a flag.
-  std::replace(options->grid.begin(), options->grid.end(), '\n', ' ');
   if (options->grid.empty()) {
     *error =
         "--grid is missing; for example "

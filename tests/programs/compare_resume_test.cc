@@ -77,6 +77,24 @@ TEST_F(CompareProgram, AnotherNetworkIsInTheFlagFileAndIsNotResumedByAnother) {
   ExpectSays(output, {"had --hidden=6-5, now it is --hidden=6-6"});
 }
 
+TEST_F(CompareProgram, AFlagOfSeveralLinesIsRepeatedAndResumed) {
+  const std::vector<std::string> arguments = {"--problem=squared_component",
+                                              "--rules=adam,\nhalf_inverse",
+                                              "--steps=2",
+                                              "--plots=false",
+                                              "--output=" + Path("first")};
+  const Output first = Run(arguments);
+  ASSERT_EQ(first.exit_code, 0) << first.text;
+  std::vector<std::string> resume = arguments;
+  resume.emplace_back("--resume");
+  const Output resumed = Run(resume);
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.text;
+  const Output second = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                             "--output=" + Path("second")});
+  EXPECT_EQ(second.exit_code, 0) << second.text;
+  EXPECT_TRUE(fs::exists(Path("second") + "/path-half_inverse.csv"));
+}
+
 // Whether it happens within ten seconds.
 bool WaitUntil(const std::function<bool()>& has_happened) {
   for (int i = 0; i < 1000 && !has_happened(); ++i) {
