@@ -207,6 +207,22 @@ TEST_F(InstallProgram, FindPackageServesAnApplication) {
   RunConsumer(Path("consumer") + "/consumer");
 }
 
+TEST_F(InstallProgram, FindPackageDoesWithoutOptionalComponents) {
+  Install();
+  const std::string configured =
+      ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_ +
+                        " -DCMAKE_DISABLE_FIND_PACKAGE_Torch=ON"
+                        " -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON");
+  EXPECT_NE(configured.find("without invgrad::torch"), std::string::npos)
+      << configured;
+  EXPECT_NE(configured.find("without invgrad::mpi"), std::string::npos)
+      << configured;
+  EXPECT_NE(configured.find(kHasMpi ? "without invgrad::compare"
+                                    : "with invgrad::compare"),
+            std::string::npos)
+      << configured;
+}
+
 // One problem of each kind, and a rule, of a project that is not ours.
 TEST_F(InstallProgram, ComparesProblemsOfAnApplication) {
   Install();
