@@ -1,6 +1,5 @@
 #include "bin/compare/least_squares_comparison.h"
 
-#include <limits>
 #include <utility>
 
 #include "bin/estimate/estimation_comparison.h"
@@ -14,10 +13,8 @@ bool Check(CompareOptions* options,
            EstimationOptions* estimation,
            std::vector<EstimationInput>* inputs,
            std::string* error) {
-  constexpr int kMaxSteps = std::numeric_limits<int>::max();
   std::vector<int> seeds;
   if (!CheckNoTraining(/*takes_threads=*/true, error) ||
-      !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error) ||
       !NameFlag("seeds", ParseSeeds(options->seeds, &seeds, error), error) ||
       !NameFlag("levels",
                 ParseNumbers(options->levels, &estimation->levels, error),

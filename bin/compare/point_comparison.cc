@@ -121,13 +121,11 @@ bool Check(CompareOptions* options,
            size_t num_methods,
            MinimizerOptions* minimizer,
            std::string* error) {
-  constexpr int kMaxSteps = std::numeric_limits<int>::max();
   if (!CheckNoTraining(/*takes_threads=*/false, error) ||
       !CheckNotGiven({"seeds", "levels"},
                      "needs a problem with a network or a ceres::Problem",
                      error) ||
-      !CheckResume(options->resume, error) ||
-      !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error)) {
+      !CheckResume(options->resume, error)) {
     return false;
   }
   *minimizer = PointBudget();

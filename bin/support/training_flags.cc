@@ -283,7 +283,9 @@ bool CheckNoTraining(bool takes_threads, std::string* error) {
                                     "track_sample",
                                     "init_weights"};
   if (!takes_threads) names.emplace_back("threads");
-  return CheckNotGiven(names, "needs a problem with a network", error);
+  constexpr int kMaxSteps = std::numeric_limits<int>::max();
+  return CheckNotGiven(names, "needs a problem with a network", error) &&
+         CheckFlags({{"steps", {0.0, kMaxSteps}}}, error);
 }
 
 }  // namespace invgrad

@@ -79,7 +79,7 @@ struct TrainingFlags {
 };
 
 // For a problem without a network: returns false, with *error, if a flag of the
-// program is given that is for training.
+// program is given that is for training, or more steps than a minimizer counts.
 bool CheckNoTraining(bool takes_threads, std::string* error);
 
 }  // namespace invgrad

@@ -50,6 +50,8 @@ TEST_F(SweepProgram, RefusesOtherFlagsOutOfRange) {
   const std::string grid = "--grid=rule=adam";
   const std::string problem = "--problem=toy_network";
   ExpectRefused({"--problem=toy_net", grid}, {"toy_net"});
+  ExpectRefused({"--problem=squared_component", grid, "--steps=3000000000"},
+                {"--steps=3000000000", "2147483647"});
   ExpectRefused({"--problem=squared_component", grid, "--epochs=3"},
                 {"--epochs=3 needs a problem with a network"});
   ExpectRefused({"--problem=squared_component", "--grid=rule=adam;hidden=3"},
