@@ -20,6 +20,7 @@ trajectories.csv to restyle it, and one CSV a rule.
 #include <functional>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bin/support/output_options.h"
@@ -197,25 +198,28 @@ bool Run(RunCounts* counts, std::string* error) {
   if (!PathsFitInMemory(*problem.point, FLAGS_steps, methods.size(), error)) {
     return false;
   }
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   const Interrupt interrupt;
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
     if (Interrupt::IsRequested()) break;
-    if (!TracePath(
-            *problem.point, method, options, &paths.emplace_back(), error)) {
-      *error = method.label + ": " + *error;
-      return false;
+    PointPath path;
+    std::string why;
+    const bool has_run =
+        TracePath(*problem.point, method, options, &path, &why);
+    counts->Add(has_run && !path.has_failed());
+    if (!has_run) {
+      fmt::print("{}  (not run: {})\n", method.label, why);
+      continue;
     }
-  }
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
-  for (const PointPath& path : paths) {
-    counts->Add(!path.has_failed());
     Print(path);
-    if (!WritePathCsv(Output().output + "/", path, error)) return false;
+    if (!WritePathCsv(InOutput(""), path, error)) return false;
+    paths.push_back(std::move(path));
   }
   fmt::print("results in {}\n", Output().output);
-  DrawPictures({{Output().output + "/trajectories.png",
-                 MakePlots(*problem.point, paths)}});
+  if (paths.empty()) return true;
+  DrawPictures(
+      {{InOutput("trajectories.png"), MakePlots(*problem.point, paths)}});
   return true;
 }
 

@@ -116,6 +116,23 @@ TEST_F(TrajectoriesProgram, AStartWithoutAFiniteLossIsSaid) {
              {"newton  (failed: no start", "ceres_lm  (failed: no start"});
 }
 
+TEST_F(TrajectoriesProgram, AMethodThatDoesNotFitCostsTheOthersNothing) {
+  const std::vector<std::string> arguments = {
+      "--problem=linear_scale", "--steps=2", "--grid=5"};
+  const auto run = [&](const std::string& rules, const std::string& name) {
+    std::vector<std::string> all = arguments;
+    all.insert(all.end(), {"--rules=" + rules, "--output=" + Path(name)});
+    return Run(all);
+  };
+  const Output some = run("newton,ceres_lm", "some");
+  EXPECT_EQ(some.exit_code, 2) << some.text;
+  ExpectSays(some, {"ceres_lm  (not run: "});
+  EXPECT_TRUE(fs::exists(Path("some/newton.csv")));
+  EXPECT_TRUE(fs::exists(Path("some/trajectories.png")));
+  const Output none = run("ceres_lm", "none");
+  EXPECT_EQ(none.exit_code, 3) << none.text;
+}
+
 TEST_F(TrajectoriesProgram, AProblemWithoutAnOptimumHasPathsToo) {
   const Output output = Run({"--problem=linear_scale",
                              "--steps=2",
