@@ -51,7 +51,8 @@ DEFINE_string(scenes,
 DEFINE_string(methods,
               "odometry,lm,half_inverse,eigenvalue:10,eigenvalue:100,"
               "determined",
-              "which methods, comma-separated");
+              "which methods, comma-separated; of --cylinder by default "
+              "odometry,gauss_newton,eigenvalue:10,eigenvalue:120,determined");
 DEFINE_int32(scans, 100, "alignments of a path");
 DEFINE_string(seeds, "1", "of the noise: 1,2,5 or 1..3");
 DEFINE_double(noise, 0.01, "standard deviation of the ranges [m]");
@@ -111,6 +112,11 @@ bool Run(RunCounts* counts, std::string* error) {
   std::vector<RegistrationMethod> methods;
   std::vector<std::string> units;
   std::vector<int> seeds;
+  if (FLAGS_cylinder &&
+      gflags::GetCommandLineFlagInfoOrDie("methods").is_default) {
+    FLAGS_methods =
+        "odometry,gauss_newton,eigenvalue:10,eigenvalue:120,determined";
+  }
   if (!CheckFlags({{"scans", {1.0, 10000.0}},
                    {"noise", {0.0, 1.0}},
                    {"outliers", {0.0, 1.0}},

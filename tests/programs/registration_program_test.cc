@@ -236,6 +236,10 @@ TEST_F(RegistrationProgram, AlignsTheCylinderOfAPublishedComparison) {
   all.back() = "--output=" + Path("again");
   ASSERT_EQ(Run(all).exit_code, 0);
   EXPECT_EQ(ReadAll(Path("again/cylinder.csv")), csv);
+  const Output defaults =
+      Run({"--cylinder", "--seeds=3", "--output=" + Path("defaults")});
+  EXPECT_EQ(defaults.exit_code, 0) << defaults.text;
+  ExpectSays(defaults, {"gauss_newton", "determined"});
   ExpectRefused({"--cylinder", "--methods=determined,lm"},
                 {"--methods: the cylinder has no method 'lm'"});
   for (const char* flag : {"--scenes=room",
