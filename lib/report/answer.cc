@@ -11,6 +11,7 @@ namespace {
 
 // "3.1 times lower than adam"; without a factor of what is not positive.
 std::string LowerThan(double best, const Score& other) {
+  if (other.median == best) return "as low as " + other.name;
   const double factor = other.median / best;
   if (!(best > 0.0)) return "lower than " + other.name;
   if (factor < 1.005) return "as low as " + other.name;

@@ -36,6 +36,8 @@ TEST(Answer, SaysWhetherRangesOverlapAndWhetherThereIsOneSeed) {
 TEST(Answer, NoFactorOfALossOfZeroAndNoSeedsOfAPoint) {
   EXPECT_EQ(AnswerByScores("L", {{"newton", 0.0}, {"adam", 1.0}}),
             "newton has the lowest L, 0: lower than adam, the next (1).");
+  EXPECT_EQ(AnswerByScores("L", {{"newton", 0.0}, {"adam", 0.0}}),
+            "newton has the lowest L, 0: as low as adam, the next (0).");
 }
 
 TEST(Answer, FailedMethodsAreNamed) {
