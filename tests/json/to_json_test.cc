@@ -118,8 +118,26 @@ TEST(ToJson, TheRankReportIsThatOfThePage) {
   ExpectAllFound("invgrad.rank_report", found);
 }
 
+// Of a line, behind a parameter whose derivatives are rounding errors.
+Covariance LineCovariance() {
+  double x[3] = {0.0, 1.0, 2.0};
+  ceres::Problem problem;
+  for (int i = 0; i < 5; ++i) {
+    AddPrior(Row({1e-16 * (1 + i % 2), 1.0, 1.0 * i}), x, &problem);
+  }
+  Covariance covariance;
+  std::string error;
+  EXPECT_TRUE(ComputeCovariance(
+      {}, problem, MarginalPairs(problem), &covariance, &error))
+      << error;
+  return covariance;
+}
+
 TEST(ToJson, TheCovarianceIsThatOfThePage) {
   std::set<std::string> found;
+  const nlohmann::json line = Read(LineCovariance());
+  EXPECT_EQ(line["blocks"][0]["rounding"], std::vector<int>({0}));
+  ExpectOnPage(line, &found);
   ExpectOnPage(Read(Sums().ComputeCovariance()), &found);
   ExpectAllFound("invgrad.covariance", found);
 }

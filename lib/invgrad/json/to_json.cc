@@ -111,6 +111,7 @@ static void to_json(Json& json, const Covariance::Block& block) {
   json["standard_deviations"] = Array(block.standard_deviations);
   json["weak_variances"] = Array(block.weak_variances);
   json["omitted_variances"] = Array(block.omitted_variances);
+  json["rounding"] = block.rounding;
 }
 
 static void to_json(Json& json, const DomainFailure::Parameter& parameter) {
