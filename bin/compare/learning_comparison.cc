@@ -74,21 +74,30 @@ Table LearningTable(const LearningProblem& problem,
 }
 
 std::string SummaryCsv(const std::vector<MethodResults>& all) {
-  Table table;
+  Table table({{"method"},
+               {"seed"},
+               {"train_loss"},
+               {"test_loss"},
+               {"best_train_loss"},
+               {"metric"},
+               {"steps"},
+               {"seconds"},
+               {"simulator_calls"},
+               {"saturated"},
+               {"status"}});
   for (const MethodResults& method : all) {
     for (const LearningRunResult& run : method.runs) {
-      table.BeginRow();
-      table.Add("method", run.label);
-      table.Add("seed", std::to_string(run.seed));
-      table.Add("train_loss", ExactNumber(run.last().train_loss));
-      table.Add("test_loss", ExactNumber(run.last().test_loss));
-      table.Add("best_train_loss", ExactNumber(run.BestTrainLoss()));
-      table.Add("metric", ExactNumber(run.last().metric));
-      table.Add("steps", std::to_string(run.summary.num_steps));
-      table.Add("seconds", ExactNumber(run.summary.train_time_in_seconds));
-      table.Add("simulator_calls", ExactNumber(run.last().simulator_calls));
-      table.Add("saturated", std::to_string(run.num_saturated));
-      table.Add("status", run.summary.message);
+      table.AddRow({run.label,
+                    std::to_string(run.seed),
+                    ExactNumber(run.last().train_loss),
+                    ExactNumber(run.last().test_loss),
+                    ExactNumber(run.BestTrainLoss()),
+                    ExactNumber(run.last().metric),
+                    std::to_string(run.summary.num_steps),
+                    ExactNumber(run.summary.train_time_in_seconds),
+                    ExactNumber(run.last().simulator_calls),
+                    std::to_string(run.num_saturated),
+                    run.summary.message});
     }
   }
   return table.ToCsv();

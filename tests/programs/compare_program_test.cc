@@ -201,6 +201,8 @@ TEST_F(CompareProgram, TheExitCodeSaysHowManyMethodsWorked) {
               has_run)
         << output.text;
     EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
+    const std::string summary = ReadAll(Path("run") + "/summary.csv");
+    EXPECT_EQ(summary.rfind("method,seed,", 0), 0u) << summary;
   }
   const Output point = Run({"--problem=squared_component",
                             "--rules=adam:steps=1>newton",
