@@ -4,8 +4,10 @@
 #include <limits>
 
 #include "Eigen/Core"
+#include "ceres/solver.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/method.h"
+#include "invgrad/methods/ceres_methods.h"
 #include "invgrad/separable.h"
 
 namespace invgrad {
@@ -81,7 +83,13 @@ bool MinimizeByWay(const Way& way,
                    ceres::Problem* problem,
                    MinimizerSummary* summary,
                    std::string* error) {
-  const RuleRow* rule = way.method.last_phase().rule;
+  const Phase& phase = way.method.last_phase();
+  ceres::Solver::Options ignored;
+  if (phase.ceres != nullptr &&
+      !phase.ceres->configure(phase.ceres_settings, &ignored, error)) {
+    return false;  // the problem's own linear solver
+  }
+  const RuleRow* rule = phase.rule;
   if (rule != nullptr && rule->name == "chordal") {
     return MinimizeRelaxed(way, options, estimation, problem, summary, error);
   }

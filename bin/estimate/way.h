@@ -25,7 +25,8 @@ std::vector<Way> Ways(const std::vector<Method>& methods,
                       const std::string& separable);
 
 // Returns false, before anything runs, if the method does not apply
-// (MinimizeProblem), or if no parameter of a separable way is linear.
+// (MinimizeProblem), if Ceres' minimizer does not have the linear solver of the
+// problem, or if no parameter of a separable way is linear.
 bool MinimizeByWay(const Way& way,
                    const MinimizerOptions& options,
                    Estimation* estimation,

@@ -4,7 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "bin/estimate/least_squares_estimation.h"
+#include "bin/estimate/way.h"
 #include "gtest/gtest.h"
+#include "invgrad/compare/compare.h"
+#include "invgrad/method.h"
 #include "tests/programs/compare_program.h"
 #include "tests/programs/csv_lines.h"
 
@@ -54,6 +58,38 @@ TEST_F(LeastSquaresProgram, SolversAndRulesReachThePublishedMinimum) {
   // With proposals the solve without them is counted, too.
   EXPECT_GT(std::stoi(rows[3].at("evaluations")),
             std::stoi(rows[0].at("evaluations")));
+}
+
+// Of a problem of one's own: misspelt, or not for dogleg.
+TEST(LeastSquaresEstimation, AMethodWithoutItsLinearSolverIsRefused) {
+  PhysicsProblem problem;
+  std::string error;
+  ASSERT_TRUE(CreateProblem("more_garbow_hillstrom", nullptr, &problem, &error))
+      << error;
+  const auto refusal = [&](const std::string& method,
+                           const std::string& linear_solver) {
+    Way way;
+    EXPECT_TRUE(ParseMethod(method, &way.method, &error)) << error;
+    way.method.AddCeresDefaults({{"linear_solver", linear_solver}});
+    const auto estimation = MakeLeastSquaresEstimation(
+        *problem.least_squares, MinimizerOptions(), {1}, &error);
+    estimation->SetStart(0);
+    const auto solved = estimation->MakeProblem([] { return nullptr; });
+    MinimizerSummary summary;
+    std::string why;
+    const bool has_run = MinimizeByWay(way,
+                                       MinimizerOptions(),
+                                       estimation.get(),
+                                       solved.get(),
+                                       &summary,
+                                       &why);
+    EXPECT_EQ(has_run, why.empty()) << why;
+    return why;
+  };
+  EXPECT_EQ(refusal("ceres_lm", "dens_qr").rfind("linear_solver=dens_qr", 0),
+            0u);
+  EXPECT_EQ(refusal("ceres_dogleg", "cgnr").rfind("linear_solver=cgnr", 0), 0u);
+  EXPECT_EQ(refusal("ceres_lm", "cgnr"), "");
 }
 
 TEST_F(LeastSquaresProgram, ASeedIsAStart) {
