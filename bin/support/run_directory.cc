@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -191,12 +192,14 @@ bool IsSameRun(const std::string& flag_file,
     if (before[name] == value || Contains(kFlagsThatMayChange, name)) continue;
     const bool is_budget = Contains(kBudgetFlags, name);
     if (is_budget && limit(value) >= limit(before[name])) continue;
-    return fail(
-        fmt::format("the run to resume had --{0}={1}, now it is --{0}={2}{3}",
-                    name,
-                    before[name],
-                    value,
-                    is_budget ? ", a smaller budget" : ""));
+    return fail(fmt::format(
+        "the run to resume had --{0}={1}, now it is --{0}={2}{3}",
+        name,
+        before[name],
+        value,
+        !is_budget                        ? ""
+        : std::isinf(limit(before[name])) ? ", a smaller budget: 0 is none"
+                                          : ", a smaller budget"));
   }
   const std::string difference = identity.Difference(
       identity_before.substr(identity_before.find('\n') + 1));

@@ -305,6 +305,10 @@ TEST_F(RunDirectoryOfARun, ASmallerBudgetIsNotResumed) {
   }
   EXPECT_TRUE(Prepare(run_, kResume, "--steps=0\n", &error)) << error;  // none
   EXPECT_FALSE(Prepare(run_, kResume, "--steps=7\n", &error));
+  EXPECT_NE(error.find("had --steps=0, now it is --steps=7, a smaller budget: "
+                       "0 is none"),
+            std::string::npos)
+      << error;
 }
 
 }  // namespace run_directory_test
