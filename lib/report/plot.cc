@@ -184,7 +184,13 @@ struct Drawing {
   void AddMap(const HeatMap& map) {
     has_map = true;
     const std::vector<double> z(map.z.data(), map.z.data() + map.z.size());
-    const Axis bar("cb", map.z_label, map.log_z, map.z_range, z);
+    // gnuplot itself finds no range of cells whose centers are at the edges.
+    AxisRange range = map.z_range;
+    const AxisRange all = RangeOf(z, map.log_z);
+    if (*all.low < *all.high) {
+      range = {range.low.value_or(*all.low), range.high.value_or(*all.high)};
+    }
+    const Axis bar("cb", map.z_label, map.log_z, range, z);
     panels += bar.Commands() +
               fmt::format("set palette @{}\nw = {:.10g}; h = {:.10g}\n",
                           map.is_grey ? "greys" : "viridis",

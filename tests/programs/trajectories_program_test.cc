@@ -116,6 +116,14 @@ TEST_F(TrajectoriesProgram, AStartWithoutAFiniteLossIsSaid) {
              {"newton  (failed: no start", "ceres_lm  (failed: no start"});
 }
 
+// All cells of the map have their centers at the edges.
+TEST_F(TrajectoriesProgram, ACoarseMapIsDrawn) {
+  const Output output = Run(
+      {"--steps=2", "--rules=newton", "--grid=2", "--output=" + Path("run")});
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.text.find("no picture"), std::string::npos) << output.text;
+}
+
 TEST_F(TrajectoriesProgram, AMethodThatDoesNotFitCostsTheOthersNothing) {
   const std::vector<std::string> arguments = {
       "--problem=linear_scale", "--steps=2", "--grid=5"};

@@ -131,7 +131,7 @@ TEST_F(PlotTest, CellsHavePlacesAndColors) {
   EXPECT_TRUE(Has(script, "maps = 1\n"));
   EXPECT_TRUE(Has(script, "w = 0.25; h = 0.5\n"));
   EXPECT_TRUE(Has(script, "set cblabel \"loss\""));
-  EXPECT_TRUE(Has(script, "unset logscale cb\nset cbrange [*:*]"));
+  EXPECT_TRUE(Has(script, "unset logscale cb\nset cbrange [0:1]"));
   map.log_z = true;
   map.z_range = {1e-6, 10.0};
   script = Script(plot);
