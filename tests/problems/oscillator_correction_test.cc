@@ -48,7 +48,7 @@ TEST(OscillatorCorrection, FineSolutionHasConverged) {
   options.num_samples = 3;
   const LearningProblem once = Create(options);
   options.horizon *= 2;
-  options.dt *= 0.5;
+  options.dt = 0.125;  // half of the default
   const LearningProblem twice = Create(options);
   EXPECT_EQ(once.train.inputs, twice.train.inputs);
   EXPECT_LT(
@@ -59,8 +59,9 @@ TEST(OscillatorCorrection, FineSolutionHasConverged) {
 
 // The missing part of each step as correction: the fine trajectory, no loss.
 TEST(OscillatorCorrection, RightCorrectionGivesTheFineTrajectory) {
-  const LearningProblem problem = Create({});
-  const OscillatorCorrection options;
+  OscillatorCorrection options;
+  options.dt = 0.25;
+  const LearningProblem problem = Create(options);
   const Simulator& simulator = problem.model->simulator();
   const Feedback& loop = *problem.model->feedback();
   const VectorXd target = problem.train.targets.col(0);
@@ -97,6 +98,24 @@ TEST(OscillatorCorrection, ShortTrainingBeatsTheCoarseSimulator) {
   double trained = 0.0;
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &trained, &error));
   EXPECT_LT(trained, 0.25 * coarse);
+}
+
+// By default, chains of all lengths can be trained from the first seeds.
+TEST(OscillatorCorrection, LongerChainsStayNearTheFineSolution) {
+  for (const int num_oscillators : {4, 8, 16}) {
+    OscillatorCorrection options;
+    options.num_oscillators = num_oscillators;
+    options.num_samples = 128;
+    const LearningProblem problem = Create(options);
+    for (const int seed : {1, 2, 3}) {
+      double cost = 0.0;
+      std::string error;
+      EXPECT_TRUE(problem.model->Cost(
+          InitialWeights(problem, seed), problem.train, &cost, &error))
+          << error;
+      EXPECT_LT(cost, 100.0) << num_oscillators << " seed " << seed;
+    }
+  }
 }
 
 }  // namespace oscillator_correction_test
