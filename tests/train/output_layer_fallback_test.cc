@@ -1,17 +1,30 @@
 // output_layer=auto: a solved layer where it pays, and otherwise a trained one.
 
+#include <cmath>
+#include <memory>
 #include <string>
 
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/train.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
 #include "tests/support/train_problem.h"
+#include "tests/train/parabola.h"
 #include "tests/train/regression.h"
 
 namespace invgrad {
 namespace output_layer_fallback_test {
+
+struct Root {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sqrt;
+    y[0] = sqrt(x[0] + 0.25);
+    return true;
+  }
+};
 
 constexpr char kAuto[] = ":output_layer=auto";
 
@@ -156,6 +169,44 @@ TEST(OutputLayerFallback, ALayerThatDivergesIsTrained) {
   EXPECT_NE(result.summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(result.summary.num_steps, kNumSteps);
   EXPECT_LT(result.history.back().train_loss, exact.history.front().train_loss);
+}
+
+// From x = 0, where y = 1/2, a least-squares solution for y = -1 leaves the
+// domain x > -1/4 of the simulator. Small steps do not.
+TEST(OutputLayerFallback, ALayerWithoutAFiniteLossIsTrainedFromTheStart) {
+  const Parabola parabola;
+  const Model model(DenseNetwork({1, 3, 1}, Activation::kTanh),
+                    std::make_shared<AutoDiffSimulator<Root, 1, 1>>(),
+                    std::make_shared<SquaredNormLoss>(1, 0.5),
+                    Reduction::kMean);
+  DataSet train = parabola.train;
+  train.targets.setConstant(-1.0);
+  TrainOptions options = Steps(20, 4);
+  options.initial_weights = parabola.weights;
+  // The output layer.
+  options.initial_weights.tail(4).setZero();
+  const std::string method = "newton/inverse_gradient/adam:step_size=1e-3";
+  const TrainResult trained = Train(model, train, method, options);
+  ASSERT_NE(trained.summary.termination_type, ceres::FAILURE)
+      << trained.summary.message;
+
+  const TrainResult result = Train(model, train, method + kAuto, options);
+  ASSERT_EQ(result.error, "");
+  EXPECT_EQ(result.weights, trained.weights);
+  EXPECT_EQ(result.summary.num_steps, 20);
+  ASSERT_EQ(result.history.size(), trained.history.size());
+  EXPECT_EQ(result.history[0].train_loss, trained.history[0].train_loss);
+
+  const TrainResult exact =
+      Train(model, train, method + ":output_layer=exact", options);
+  EXPECT_EQ(exact.summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(exact.weights, options.initial_weights);
+  const std::string& message = exact.summary.message;
+  EXPECT_EQ(message.rfind("the loss is not finite at the initial weights with "
+                          "the output layer solved: sample ",
+                          0),
+            0u)
+      << message;
 }
 
 }  // namespace output_layer_fallback_test

@@ -1,6 +1,7 @@
 // The position of a training run in its budget, and what its steps cost.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "invgrad/train/training_run.h"
@@ -99,6 +100,22 @@ void TrainingRun::Impl::AddCalls() {
   }
   state_.simulator_calls += std::lround(new_calls_);
   new_calls_ = 0.0;
+}
+
+void TrainingRun::Impl::LimitPhase() {
+  max_num_steps_ = phase().max_num_steps;
+  if (options_.max_num_steps < std::numeric_limits<long>::max()) {
+    max_num_steps_ =
+        std::min(max_num_steps_, options_.max_num_steps - state_.first_step);
+  }
+  if (options_.max_num_epochs < TrainOptions().max_num_epochs &&
+      !engine().epochs().has_value()) {
+    // A step within an epoch may reach the budget.
+    const double steps = EpochsLeft(state_.first_epoch) *
+                         static_cast<double>(engine().steps_per_epoch());
+    max_num_steps_ =
+        std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
+  }
 }
 
 }  // namespace invgrad

@@ -128,22 +128,6 @@ bool TrainingRun::Impl::HandOver() {
   return true;
 }
 
-void TrainingRun::Impl::LimitPhase() {
-  max_num_steps_ = phase().max_num_steps;
-  if (options_.max_num_steps < std::numeric_limits<long>::max()) {
-    max_num_steps_ =
-        std::min(max_num_steps_, options_.max_num_steps - state_.first_step);
-  }
-  if (options_.max_num_epochs < TrainOptions().max_num_epochs &&
-      !engine().epochs().has_value()) {
-    // A step within an epoch may reach the budget.
-    const double steps = EpochsLeft(state_.first_epoch) *
-                         static_cast<double>(engine().steps_per_epoch());
-    max_num_steps_ =
-        std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
-  }
-}
-
 bool TrainingRun::Impl::TakeStep() {
   Engine::StepResult result;
   try {
@@ -230,6 +214,12 @@ void TrainingRun::Impl::SaveIfDue() {
 
 bool TrainingRun::Impl::EvaluateOrEnd() {
   Evaluate();
+  // The initial weights may have a finite loss where a solved layer has none.
+  if (state_.step == 0 && !std::isfinite(history().back().train_loss) &&
+      HandOver()) {
+    state_.history.clear();
+    Evaluate();
+  }
   if (std::isfinite(history().back().train_loss)) return true;
   EndDiverged();
   return false;
@@ -238,16 +228,20 @@ bool TrainingRun::Impl::EvaluateOrEnd() {
 void TrainingRun::Impl::EndDiverged() {
   double ignored = 0.0;
   std::string why;
+  const Eigen::VectorXd finished = engine().Finished(weights());
   DistributedCost(model_,
-                  weights(),
+                  finished,
                   data_.train,
                   options_.communicator.get(),
                   &ignored,
                   &why);
   const std::string where =
-      state_.step == 0 ? "the loss is not finite at the initial weights: "
-                       : AtStep("diverged", steps_of_phase()) +
-                             ": the train loss is not finite: ";
+      state_.step == 0
+          ? fmt::format(
+                "the loss is not finite at the initial weights{}: ",
+                finished == weights() ? "" : " with the output layer solved")
+          : AtStep("diverged", steps_of_phase()) +
+                ": the train loss is not finite: ";
   engine().Undo(UndoReason::kEnd, state_.best_weights, &state_.weights);
   Summarize(ceres::FAILURE, where + why);
   summary_.message += TakeBestWeights(
