@@ -148,6 +148,20 @@ TEST(TrainingFits, CountsWhatARuleKeeps) {
             std::string::npos);
 }
 
+// A race of batch sizes keeps the rule's state five times.
+TEST(TrainingFits, CountsTheStatesOfARace) {
+  const std::string raced = "ssbroyden:batch_size=auto";
+  EXPECT_NE(TrainError(raced, 40, 70e6).find("states of a race 62"),
+            std::string::npos);
+  EXPECT_EQ(TrainError(raced, 40, 100e6), "");
+  const TemporaryFolder folder;
+  EXPECT_NE(
+      TrainError(raced, 40, 100e6, folder / "checkpoint").find("checkpoint 75"),
+      std::string::npos);
+  // All samples: there is no race.
+  EXPECT_EQ(TrainError(raced, 0, 20e6), "");
+}
+
 TEST(TrainingFits, HoldsForPullBacksAndCeresToo) {
   for (const char* method : {"newton/adjoint/half_inverse",
                              "newton",

@@ -166,11 +166,13 @@ std::vector<MemoryPart> StepParts(const Model& model,
                                   const LinearizationParts& needs,
                                   bool is_proxy,
                                   int batch_size,
-                                  int num_ranks) {
+                                  int num_ranks,
+                                  const std::vector<MemoryPart>& copies) {
   std::vector<MemoryPart> parts =
       TrainingMemory(model, needs, is_proxy, batch_size, num_ranks);
   parts.push_back(
       {"batch", DataBytes(data.train) * batch_size / data.train.num_samples()});
+  parts.insert(parts.end(), copies.begin(), copies.end());
   return parts;
 }
 
@@ -328,14 +330,13 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   if (is_raced) {
     batch_size = FirstBatchSize(model, needs, is_proxy, batch_size, num_ranks);
   }
+  const std::vector<MemoryPart> copies = CopiesOfState(
+      needs, model.num_weights(), is_raced, !options.checkpoint_path.empty());
   std::vector<MemoryPart> parts =
-      StepParts(model, data, needs, is_proxy, batch_size, num_ranks);
+      StepParts(model, data, needs, is_proxy, batch_size, num_ranks, copies);
   const OutputLayerPlan output_layer =
       PlanOutputLayer(phase, rule.get(), model, data, is_proxy, batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
-  if (!options.checkpoint_path.empty()) {
-    parts.push_back({"checkpoint", MatrixBytes(needs, model.num_weights())});
-  }
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
             data,
@@ -366,16 +367,18 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                            : LeftOut(data, batch_size, options));
     return engine;
   }
-  const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](
-                        int size, std::string* why) {
-    std::string ignored;
-    return Fits(fmt::format("batch_size={}", size),
-                StepParts(model, data, needs, is_proxy, size, num_ranks),
-                data,
-                options,
-                &ignored,
-                why);
-  };
+  const auto fits =
+      [&model, &data, &options, needs, is_proxy, num_ranks, copies](
+          int size, std::string* why) {
+        std::string ignored;
+        return Fits(
+            fmt::format("batch_size={}", size),
+            StepParts(model, data, needs, is_proxy, size, num_ranks, copies),
+            data,
+            options,
+            &ignored,
+            why);
+      };
   return MakeRacedEngine(
       std::move(engine), needs, is_proxy, fits, options, model, data);
 }

@@ -91,6 +91,23 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
   return parts;
 }
 
+std::vector<MemoryPart> CopiesOfState(const LinearizationParts& needs,
+                                      int num_weights,
+                                      bool is_raced,
+                                      bool has_checkpoint) {
+  // Where the loss was lowest, where the race began, and after three slices
+  // (raced_engine.h).
+  constexpr double kNumInRace = 5.0;
+  const double bytes = MatrixBytes(needs, num_weights);
+  std::vector<MemoryPart> parts;
+  if (is_raced) parts.push_back({"states of a race", kNumInRace * bytes});
+  if (has_checkpoint) {
+    parts.push_back(
+        {"checkpoint", (is_raced ? 1.0 + kNumInRace : 1.0) * bytes});
+  }
+  return parts;
+}
+
 std::vector<MemoryPart> CeresMemory(const Phase& phase,
                                     const Model& model,
                                     int num_samples) {

@@ -30,6 +30,12 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        int batch_size,
                                        int num_ranks = 1);
 
+// Copies of the matrices that the rule keeps from step to step.
+std::vector<MemoryPart> CopiesOfState(const LinearizationParts& needs,
+                                      int num_weights,
+                                      bool is_raced,
+                                      bool has_checkpoint);
+
 // A phase by Ceres.
 std::vector<MemoryPart> CeresMemory(const Phase& phase,
                                     const Model& model,
