@@ -135,6 +135,33 @@ TEST(KrylovRule, ATruncatedStepEndsWhenItIsDone) {
   EXPECT_EQ(report.find("40 iterations"), std::string::npos) << report;
 }
 
+// Values far below s_max are rounding errors, which kappa = 1/2 would magnify.
+TEST(KrylovRule, DoesNotInvertRoundingErrors) {
+  const auto orthonormal = [](int rows) -> MatrixXd {
+    const MatrixXd random = Dense(RandomLinearization(rows, 30));
+    return Eigen::HouseholderQR<MatrixXd>(random).householderQ() *
+           MatrixXd::Identity(rows, 30);
+  };
+  const MatrixXd U = orthonormal(60);
+  const MatrixXd V = orthonormal(50);
+  // 1, 0.2, .., 2.5e-6, 5e-7, .., 5e-21.
+  VectorXd s(30);
+  VectorXd phi(30);
+  for (int i = 0; i < 30; ++i) {
+    s[i] = std::pow(10.0, -0.7 * i);
+    phi[i] = s[i] > 1e-6 ? 1.0 / std::sqrt(s[i]) : 0.0;
+  }
+  Linearization at_x = RandomLinearization(60, 50);
+  const MatrixXd J = U * s.asDiagonal() * V.transpose();
+  at_x.jacobian = std::make_shared<DenseJacobian>(J);
+  at_x.gradient = J.transpose() * at_x.loss_gradient;
+  const VectorXd expected =
+      -V * phi.asDiagonal() * U.transpose() * at_x.loss_gradient;
+  // The tolerance of the iteration is 0.01.
+  EXPECT_LE((StepOf("krylov:step_size=1", at_x) - expected).norm(),
+            0.02 * expected.norm());
+}
+
 TEST(KrylovRule, AZeroGradientIsAStepOfZero) {
   Linearization at_x = RandomLinearization(5, 3);
   at_x.loss_gradient.setZero();

@@ -17,8 +17,9 @@
 // Fails:   as golub_kahan.h, and if there is no automatic step size. Incomplete
 //          convergence to the step of the power rule is not a failure.
 //
-// With a truncation, the iteration ends when the step agrees with the step of
-// the truncated power rule to `tolerance`, or after `iterations`.
+// The iteration ends when the step agrees with the step of the truncated power
+// rule to `tolerance`, or after `iterations`. Without a truncation the values
+// beyond the rank of J, which are rounding errors, would be inverted, too.
 //
 // kappa = 1 is Gauss-Newton with the k-th iterate of LSQR [1].
 //
@@ -45,7 +46,6 @@ class KrylovRule final : public JointRule {
 
     Options() {
       step_size.step_size = std::nullopt;  // auto
-      filter = SpectralFilter::HalfInverse(0.0);
     }
     void Describe(OptionSet* set) {
       JointRule::Options::Describe(set);
