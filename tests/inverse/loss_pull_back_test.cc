@@ -310,6 +310,32 @@ TEST(LossPullBackTest, NewtonIsCovariantUnderAnAffineChangeOfCoordinates) {
   }
 }
 
+// L = (d_0 / unit)^2 / 2 + d_1^2 / 2, so that H^-1 g = d for any unit.
+struct InSigmas {
+  template <typename T>
+  bool operator()(const T* y, const double* target, T* loss) const {
+    const T d0 = (y[0] - target[0]) / unit;
+    const T d1 = y[1] - target[1];
+    *loss = 0.5 * (d0 * d0 + d1 * d1);
+    return true;
+  }
+  double unit = 1.0;
+};
+
+TEST(LossPullBackTest, NewtonHoldsForOutputsInAnyUnits) {
+  for (const double unit : {1e-12, 1e-9, 1e-7, 1.0, 1e7, 1e9, 1e12}) {
+    const Vector2d d(1.2 * unit, 0.9);
+    const Vector2d target(0.0, -0.2);
+    for (const LossWay way : {LossWay::kNewton, LossWay::kSaddleFreeNewton}) {
+      const Vector2d change =
+          Change(MakeLoss<2>(InSigmas{unit}), way, 1.0, target + d, target);
+      for (int i = 0; i < 2; ++i) {
+        EXPECT_NEAR(change[i], -d[i], 1e-14 * d[i]) << unit;
+      }
+    }
+  }
+}
+
 TEST(LossPullBackTest, RefusesALossWithoutAFiniteValue) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Vector2d target(0.3, -0.2);

@@ -1,10 +1,12 @@
 #include "invgrad/inverse/loss_pull_back.h"
 
+#include <limits>
 #include <utility>
 
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/core/equilibration.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/scratch.h"
 #include "invgrad/simulator.h"
@@ -20,10 +22,14 @@ using Eigen::VectorXd;
 // Eigenvalues below this share of the largest count as zero.
 constexpr double kZeroEigenvalue = 1e-12;
 
-// *g <- |H|^-1 g.
-bool SolveSaddleFree(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
+// *g <- |H|^-1 g, without the part along eigenvectors whose eigenvalue counts as
+// zero. Returns false if there are any.
+bool SolveSaddleFree(const MatrixXd& H, VectorXd* g) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
-  if (eigen.info() != Eigen::Success) return false;
+  if (eigen.info() != Eigen::Success) {
+    g->setConstant(std::numeric_limits<double>::quiet_NaN());
+    return false;
+  }
   const VectorXd lambda = eigen.eigenvalues().cwiseAbs();
   const double threshold = kZeroEigenvalue * lambda.maxCoeff();
   VectorXd coordinates = eigen.eigenvectors().transpose() * *g;
@@ -31,15 +37,32 @@ bool SolveSaddleFree(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
     coordinates[i] = lambda[i] > threshold ? coordinates[i] / lambda[i] : 0.0;
   }
   *g = eigen.eigenvectors() * coordinates;
-  return true;
+  return lambda.minCoeff() > threshold;
 }
 
-// *g <- H^-1 g.
-bool Solve(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
+// *g <- H^-1 g. Returns false if H is singular up to rounding.
+bool SolveNewton(const MatrixXd& H, VectorXd* g) {
   const Eigen::FullPivLU<MatrixXd> lu(H);
   if (!lu.isInvertible()) return false;
   *g = lu.solve(VectorXd(*g));
   return true;
+}
+
+// Solves in the units of y or, where H looks singular in these, in units in
+// which its rows are alike. Returns false if it is singular in these, too.
+bool SolveInAnyUnits(bool (*solve)(const MatrixXd& H, VectorXd* g),
+                     const MatrixXd& H,
+                     Map<VectorXd>* g) {
+  VectorXd solution = *g;
+  bool is_regular = solve(H, &solution);
+  if (!is_regular) {
+    const VectorXd d = EquilibrationOf(H);
+    solution = d.cwiseProduct(*g);
+    is_regular = solve(d.asDiagonal() * H * d.asDiagonal(), &solution);
+    solution = d.cwiseProduct(solution);
+  }
+  *g = solution;
+  return is_regular;
 }
 
 }  // namespace
@@ -78,12 +101,11 @@ bool LossPullBack::Step(const double* y,
     return false;
   }
   if (needs_hessian) {
-    const Map<const MatrixXd> H(hessian.data(), size(), size());
-    if (!(way_ == LossWay::kNewton ? Solve(H, &d) : SolveSaddleFree(H, &d))) {
-      *why = way_ == LossWay::kNewton
-                 ? "the Hessian of the loss is singular; use "
-                   "saddle_free_newton"
-                 : "the eigenvalues of the loss's Hessian do not converge";
+    const MatrixXd H = Map<const MatrixXd>(hessian.data(), size(), size());
+    const bool is_newton = way_ == LossWay::kNewton;
+    if (!SolveInAnyUnits(is_newton ? SolveNewton : SolveSaddleFree, H, &d) &&
+        is_newton) {
+      *why = "the Hessian of the loss is singular; use saddle_free_newton";
       return false;
     }
   } else if (!is_gradient) {

@@ -16,9 +16,11 @@
 // Cost:    one loss; a general Newton step adds one Hessian and size^3 / 3
 //          operations (saddle-free: 9 size^3).
 // Fails:   returns false if the loss has no finite value, if H_L is singular
-//          (Newton), or if the loss does not form it (both Newton steps). The
-//          saddle-free step is zero along eigenvectors whose |eigenvalue| is
-//          below 1e-12 of the largest: L does not depend on them.
+//          (Newton), or if the loss does not form it (both Newton steps). Where
+//          H_L looks singular in the units of y (saddle-free: an |eigenvalue| is
+//          below 1e-12 of the largest), both steps are those in units in which
+//          its rows are alike (equilibration.h). The saddle-free step is zero
+//          along eigenvectors that have such an eigenvalue there, too.
 //
 // Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3.2; PBDL, chapter
 //          physgrad-nn.

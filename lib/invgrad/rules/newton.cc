@@ -30,6 +30,7 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/core/equilibration.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
@@ -41,29 +42,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// Powers of two d such that every row and column of diag(d) H diag(d) has a
-// largest entry near one: a well-posed H in different units would look singular
-// otherwise. Zero rows keep d = 1.
-//
-// [3] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
-//     matrices. RAL-TR-2001-034, 2001. Each pass halves the remaining
-//     exponents; 12 passes bring 1e300 to within a factor of two.
-VectorXd EquilibrationOf(const MatrixXd& H) {
-  constexpr int kNumPasses = 12;
-  VectorXd d = VectorXd::Ones(H.rows());
-  MatrixXd scaled = H;
-  for (int pass = 0; pass < kNumPasses; ++pass) {
-    VectorXd factor = scaled.cwiseAbs().rowwise().maxCoeff();
-    for (double& value : factor) {
-      value = value == 0.0 ? 1.0 : 1.0 / std::sqrt(value);
-    }
-    scaled = factor.asDiagonal() * scaled * factor.asDiagonal();
-    d = d.cwiseProduct(factor);
-  }
-  for (double& value : d) value = std::exp2(std::round(std::log2(value)));
-  return d;
-}
 
 class Newton final : public UpdateRule {
  public:
