@@ -15,7 +15,7 @@
 //          each of its points, once.
 // Fails:   with the message of the window that fails; before training if there
 //          are several windows and the equation reads a second derivative in
-//          time.
+//          time, or the options have a checkpoint_path.
 #ifndef INVGRAD_TIME_WINDOWS_H_
 #define INVGRAD_TIME_WINDOWS_H_
 
@@ -58,7 +58,8 @@ struct WindowSolutions {
 // that of a window. times: at least two, ascending (CHECKed). Batches are all
 // points. A callback that ends the training of a window successfully leaves out
 // those after it. Returns false, with *error, if a window cannot be trained or
-// diverges; the windows before it are then in *solutions.
+// diverges, or if a callback aborts it; the windows before it are then in
+// *solutions.
 bool SolveInWindows(const std::vector<double>& times,
                     const InputFunction& start,
                     const MakeWindowEquation& make_equation,

@@ -10,6 +10,8 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
 #include "tests/equations/decay.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/train_options.h"
 
 namespace invgrad {
 namespace time_windows_test {
@@ -107,6 +109,44 @@ TEST(TimeWindows, RefuseASecondDerivativeInTime) {
             "as a system of first order in u and v = u_t");
   EXPECT_TRUE(solutions.weights.empty());
   // One window hands over nothing.
+  EXPECT_TRUE(solve({0.0, 1.0})) << error;
+}
+
+TEST(TimeWindows, ACallbackThatAbortsEndsAll) {
+  StopAt abort(2, ceres::SOLVER_ABORT);
+  TrainOptions options;
+  options.max_num_steps = 3;
+  options.callbacks = {&abort};
+  WindowSolutions solutions;
+  std::string error;
+  EXPECT_FALSE(SolveInWindows({0.0, 0.5, 1.0},
+                              DecayStart,
+                              Window,
+                              "geodesic",
+                              options,
+                              &solutions,
+                              &error));
+  EXPECT_EQ(error.rfind("window 0, t from 0 to 0.5: aborted by a callback", 0),
+            0u)
+      << error;
+  EXPECT_TRUE(solutions.weights.empty());
+}
+
+TEST(TimeWindows, RefuseOneCheckpointForSeveralWindows) {
+  const TemporaryFolder folder;
+  TrainOptions options;
+  options.max_num_steps = 3;
+  options.checkpoint_path = folder / "checkpoint";
+  WindowSolutions solutions;
+  std::string error;
+  const auto solve = [&](const std::vector<double>& times) {
+    return SolveInWindows(
+        times, DecayStart, Window, "geodesic", options, &solutions, &error);
+  };
+  EXPECT_FALSE(solve({0.0, 0.5, 1.0}));
+  EXPECT_EQ(error,
+            "checkpoint_path: a checkpoint is of one window, and these are 2");
+  EXPECT_TRUE(solutions.weights.empty());
   EXPECT_TRUE(solve({0.0, 1.0})) << error;
 }
 

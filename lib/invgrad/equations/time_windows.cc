@@ -99,6 +99,12 @@ bool SolveInWindows(const std::vector<double>& times,
   CHECK_GE(times.size(), 2u);
   CHECK(std::is_sorted(times.begin(), times.end()));
   *solutions = WindowSolutions();
+  if (times.size() > 2 && !options.checkpoint_path.empty()) {
+    *error = fmt::format(
+        "checkpoint_path: a checkpoint is of one window, and these are {}",
+        times.size() - 1);
+    return false;
+  }
   solutions->times = {times[0]};
   TimeWindow window = {times[0], times[1], start};
   for (std::size_t k = 1; k < times.size(); ++k) {
@@ -114,7 +120,9 @@ bool SolveInWindows(const std::vector<double>& times,
     of_window.batch_size = 0;
     TrainResult run =
         Train(EquationModel(equation), samples, method, of_window);
-    if (run.error.empty() && run.summary.termination_type == ceres::FAILURE) {
+    if (run.error.empty() &&
+        (run.summary.termination_type == ceres::FAILURE ||
+         run.summary.termination_type == ceres::USER_FAILURE)) {
       run.error = run.summary.message;
     }
     if (!run.error.empty()) {
