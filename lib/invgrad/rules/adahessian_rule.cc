@@ -15,7 +15,8 @@
 //
 // Shapes:  gradient, z, D, u, v, step: n.
 // Units:   with hessian_power 1, eta is a number, and up to epsilon ([L]/[x]^2)
-//          the step does not depend on the units of x and L.
+//          the step does not depend on the units of x and L. H z by differences
+//          does, where x is far below one (hessian_times.h).
 // Cost:    one product with H (two gradients, hessian_times.h); O(n).
 // Fails:   returns false if the gradient, H z, v or the step is not finite, or
 //          if the linearization has no products with H.
