@@ -55,9 +55,32 @@ TEST(PullBackCountsTest, GoOnFromTheirState) {
   EXPECT_EQ(restored.Report(), counts.Report());
   EXPECT_NE(restored.Report().find("first at step 4, sample 5: late"),
             std::string::npos);
+}
+
+TEST(PullBackCountsTest, TheStateHasTheFirstFailure) {
+  PullBackCounts counts;
+  SimulatorPullBack::Result result;
+  result.source = PullBackSource::kGradient;
+  result.why = "x\xc2\xb2 < 0";
+  counts.BeginStep();
+  counts.Add(result, 2);
+  PullBackCounts restored;
+  ASSERT_TRUE(restored.SetState(counts.State()));
+  result.why = "another";
+  for (PullBackCounts* of : {&counts, &restored}) {
+    of->BeginStep();
+    of->Add(result, 5);
+  }
+  EXPECT_EQ(restored.Report(), counts.Report());
+  EXPECT_NE(restored.Report().find("first at step 1, sample 2: x\xc2\xb2 < 0"),
+            std::string::npos)
+      << restored.Report();
 
   const VectorXd before = restored.State();
-  EXPECT_FALSE(restored.SetState(VectorXd::Ones(before.size() + 1)));
+  VectorXd damaged = before;
+  damaged[before.size() - 1] = 256.0;
+  EXPECT_FALSE(restored.SetState(damaged));
+  EXPECT_FALSE(restored.SetState(before.head(3)));
   EXPECT_FALSE(restored.SetState(VectorXd()));
   EXPECT_EQ(restored.State(), before);
 }

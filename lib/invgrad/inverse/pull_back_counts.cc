@@ -42,9 +42,27 @@ std::string PullBackCounts::Report() const {
   return text;
 }
 
+Eigen::VectorXd PullBackCounts::State() const {
+  Eigen::VectorXd state(state_.size() +
+                        static_cast<Eigen::Index>(first_failure_.size()));
+  std::copy(state_.begin(), state_.end(), state.begin());
+  std::transform(first_failure_.begin(),
+                 first_failure_.end(),
+                 state.begin() + state_.size(),
+                 [](unsigned char byte) { return byte; });
+  return state;
+}
+
 bool PullBackCounts::SetState(const Eigen::VectorXd& state) {
-  if (state.size() != state_.size()) return false;
-  state_ = state;
+  const Eigen::Index num_bytes = state.size() - state_.size();
+  if (num_bytes < 0) return false;
+  const auto bytes = state.tail(num_bytes).array();
+  if (!(bytes >= 0.0 && bytes < 256.0).all()) return false;
+  state_ = state.head(state_.size());
+  first_failure_.clear();
+  for (const double byte : state.tail(num_bytes)) {
+    first_failure_ += static_cast<char>(static_cast<unsigned char>(byte));
+  }
   return true;
 }
 

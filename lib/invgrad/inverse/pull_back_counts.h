@@ -25,10 +25,9 @@ class PullBackCounts {
   // empty if no sample was inverted.
   std::string Report() const;
 
-  // The counts, for checkpoints, without the text of the first failure: a
-  // resumed run reports its own first failure.
-  const Eigen::VectorXd& State() const { return state_; }
-  // Returns false, and changes nothing, if the size does not fit.
+  // The counts, for checkpoints, then the bytes of the first failure's text.
+  Eigen::VectorXd State() const;
+  // Returns false, and changes nothing, if size or bytes do not fit.
   bool SetState(const Eigen::VectorXd& state);
 
  private:
