@@ -1,3 +1,4 @@
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -80,6 +81,34 @@ TEST(RenewedPoints, RefuseSmallBatches) {
   EXPECT_EQ(Train(EquationModel(decay), data, "adam", options).error,
             "batch_size=16 is not allowed with points renewed every 10 steps: "
             "take 0, all 48 samples");
+}
+
+TEST(RenewedPoints, PointsWithoutAFiniteDistanceEndTheRun) {
+  Equation decay = DecayEquation(1.0);
+  decay.trial.distance = [](const InputJet* a, InputJet* d) {
+    d[0] = a[0].value() <= 0.5 ? a[0] : InputJet(INFINITY);
+  };
+  decay.terms[0].points = GaussPoints(
+      {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(0.5, 1.0)}, {6, 8});
+  DataSet samples;
+  std::string error;
+  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
+  for (const bool by_residual : {false, true}) {
+    const TrainingData data(
+        samples,
+        DataSet(),
+        std::make_shared<RenewedPoints>(
+            decay, kDecayBox, RenewedPoints::Options{10, by_residual}));
+    TrainOptions options;
+    options.batch_size = 0;
+    options.max_num_steps = 3;
+    const TrainResult result =
+        Train(EquationModel(decay), data, "adam", options);
+    EXPECT_EQ(result.error, "");
+    EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+    EXPECT_EQ(result.summary.message.rfind("diverged at step 1: ", 0), 0u)
+        << result.summary.message;
+  }
 }
 
 // Also in the middle of a set, whose points depend on earlier weights.

@@ -1,4 +1,5 @@
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "fmt/core.h"
@@ -34,14 +35,14 @@ MatrixXd RenewedPoints::DrawByResidual(const QuadraturePoints& candidates,
   DataSet samples;
   MatrixXd y;
   std::string error;
-  CHECK(TermSamples(equation_, 0, candidates, &samples, &error)) << error;
-  VectorXd density = VectorXd::Ones(samples.num_samples());
-  // Where the network has no finite residual, the training reports it.
-  if (model.Predict(weights, samples, &y, &error)) {
+  VectorXd density = VectorXd::Ones(candidates.points.cols());
+  // Where there is no finite residual, the training reports it.
+  if (TermSamples(equation_, 0, candidates, &samples, &error) &&
+      model.Predict(weights, samples, &y, &error)) {
     const VectorXd size = y.colwise().norm();
     if (size.sum() > 0.0) density += size / size.mean();
   }
-  const Index count = samples.num_samples() / kCandidates;
+  const Index count = density.size() / kCandidates;
   const double interval = density.sum() / static_cast<double>(count);
   NumpyRandom random(static_cast<std::uint32_t>(set));
   MatrixXd points(candidates.points.rows(), count);
@@ -73,7 +74,11 @@ DataSet RenewedPoints::Batch(long step,
   }
   DataSet samples;
   std::string error;
-  CHECK(EquationSamples(equation, &samples, &error)) << error;
+  if (!EquationSamples(equation, &samples, &error)) {
+    // A batch without a finite loss ends the run.
+    LOG(ERROR) << Name() << ": " << error;
+    samples.inputs.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
   return samples;
 }
 

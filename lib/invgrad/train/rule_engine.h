@@ -52,7 +52,8 @@ class RuleEngine final : public Engine {
   // --- For races of batch sizes ---
 
   void set_batch_size(int batch_size) { batch_size_ = batch_size; }
-  // The next samples of the sequence, which no step then uses.
+  // The next samples of the sequence, which no step then uses; of a data source,
+  // samples of the next step.
   DataSet TakeSamples(int count, const Eigen::VectorXd& weights) {
     return batches_.Next(step_, count, weights);
   }
