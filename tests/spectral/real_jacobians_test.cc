@@ -6,9 +6,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/spectral.h"
 #include "problems/problems.h"
-#include "problems/trained_linearization.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
+#include "tests/support/trained_linearization.h"
 
 namespace invgrad {
 namespace real_jacobians_test {

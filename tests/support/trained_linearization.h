@@ -1,7 +1,7 @@
 // The linearization of a learning problem in the middle of training, for tests
 // of linear algebra: spectra of Jacobians change in training.
-#ifndef PROBLEMS_TRAINED_LINEARIZATION_H_
-#define PROBLEMS_TRAINED_LINEARIZATION_H_
+#ifndef INVGRAD_TESTS_SUPPORT_TRAINED_LINEARIZATION_H_
+#define INVGRAD_TESTS_SUPPORT_TRAINED_LINEARIZATION_H_
 
 #include <string>
 
@@ -22,4 +22,4 @@ bool LinearizeAfterTraining(const LearningProblem& problem,
 
 }  // namespace invgrad
 
-#endif  // PROBLEMS_TRAINED_LINEARIZATION_H_
+#endif  // INVGRAD_TESTS_SUPPORT_TRAINED_LINEARIZATION_H_

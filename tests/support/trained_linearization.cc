@@ -1,4 +1,4 @@
-#include "problems/trained_linearization.h"
+#include "tests/support/trained_linearization.h"
 
 #include "invgrad/random.h"
 #include "invgrad/train.h"
