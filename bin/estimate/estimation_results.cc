@@ -4,6 +4,7 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
+#include "invgrad/minimize/within_bounds.h"
 
 namespace invgrad {
 namespace {
@@ -18,9 +19,12 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   }
   const bool is_late =  // the message is of Ceres or ours
       summary.message.rfind("Maximum solver time", 0) == 0;
+  const bool is_at_bounds =
+      summary.message.rfind(kNoMinimumWithinBounds, 0) == 0;
   std::string status = type == ceres::CONVERGENCE ? "converged"
                        : is_late                  ? "time used up"
-                                                  : "not converged";
+                       : is_at_bounds ? "not at a minimum within the bounds"
+                                      : "not converged";
   // The number of steps that the rule proposed.
   const size_t proposals = summary.message.find("; ");
   if (method.last_phase().ceres != nullptr &&

@@ -174,6 +174,10 @@ class PointObjective final : public Objective {
 //   ceres_lm+half_inverse   Ceres with an UpdateCallback (update_callback.h)
 //   newton/inverse/adam     pull-backs, for a simulator and a loss
 //
+// Bounds:  Ceres may stop above the minimum where a bound is active. The
+//          components that the gradient pushes against their bounds are then
+//          held constant, and Ceres goes on with the others
+//          (minimize/within_bounds.h).
 // Fails:   returns false, before anything runs, if the method does not apply
 //          (phases, batches; for a problem pull-backs), if its rule cannot
 //          propose steps for this problem (UpdateCallback::IsSupported), if a

@@ -44,7 +44,10 @@
 //          AddTo switches Ceres' projected line search off (Solver::Options::
 //          max_num_line_search_step_size_iterations = 0) for the solve with
 //          proposals, because it calls Plus several times for a candidate; the
-//          solve without proposals has it.
+//          solve without proposals has it. Where a bound is active, Ceres may
+//          stop above the minimum, with or without proposals: its step is
+//          computed without the bounds. MinimizeProblem (minimize.h) goes on
+//          from there.
 // Cost:    at each turn of the rule one step and one or two linearizations, at
 //          x and at the candidate, which evaluate all residual blocks. While a
 //          step is staged, Ceres multiplies J by a k x k matrix for a Euclidean

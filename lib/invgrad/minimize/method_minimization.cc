@@ -18,6 +18,7 @@
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/pull_back_objective.h"
+#include "invgrad/minimize/within_bounds.h"
 
 namespace invgrad {
 
@@ -231,6 +232,7 @@ bool MinimizePhase(
                                                       function,
                                                       problem,
                                                       summary);
+  GoOnWithinBounds(options, solver_options, problem, summary);
   summary->message += proposals;
   return true;
 }
