@@ -29,6 +29,10 @@
 //      gauge freedom it is the gauge-free covariance [1], and a function that
 //      the gauge leaves unchanged has the variance that any gauge gives.
 //
+// Bounds. A component at its bound counts as constant: its rows of C are zero,
+// and C is the covariance of the others for this value. That is so, too, for a
+// direction of a manifold that moves the component alone.
+//
 // Shapes:  a block (a, b) has the tangent sizes of a and b.
 // Units:   of the parameters. With use_residual_variance, C is multiplied by
 //          2 L / (m - rank), the estimated variance of a residual.
@@ -91,6 +95,8 @@ class Covariance {
     // rounding errors (rank_report.h). The rest of C is that for constants in
     // their place.
     std::vector<int> rounding;
+    // The directions of components at their bounds, which count as constant.
+    std::vector<int> at_bound;
   };
 
   // (a, b) may be read as (b, a). Zero for a constant block.
@@ -110,7 +116,8 @@ class Covariance {
 
   double cost() const { return cost_; }  // L
   int num_residuals() const { return num_residuals_; }
-  int num_parameters() const { return num_parameters_; }  // tangent
+  // Tangent, without those at their bounds.
+  int num_parameters() const { return num_parameters_; }
   int rank() const { return rank_; }
   // 2 L / (m - rank); NaN if m <= rank.
   double residual_variance() const;

@@ -23,6 +23,7 @@ std::vector<double> ToVector(const Eigen::VectorXd& values) {
 std::string DeviationText(const Covariance::Block& block) {
   const double deviation = block.standard_deviations[0];
   const double share = block.undetermined_shares[0];
+  if (!block.at_bound.empty()) return " (at its bound)";
   if (!std::isfinite(deviation)) return " (not determined)";
   return share > kLeastUndeterminedShare
              ? fmt::format(" (no error bar: {:.3g} % not determined)",

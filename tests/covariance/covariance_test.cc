@@ -284,6 +284,47 @@ TEST(Covariance, InvalidInputIsAMessage) {
   EXPECT_NE(error.find("residual block 0"), std::string::npos) << error;
 }
 
+// x_1 at a bound counts as constant, in blocks of size one and two.
+TEST(Covariance, ComponentsAtBoundsCountAsConstant) {
+  MatrixXd A(5, 2);
+  A << 1.0, 1.0, 2.0, 1.0, 3.0, 1.0, 4.0, 1.0, 5.0, 2.0;
+  const double free_variance = 1.0 / A.col(0).squaredNorm();
+  for (const bool is_lower : {true, false}) {
+    for (const auto& options : {Covariance::Options(), Sparse()}) {
+      double x[2] = {0.5, 0.25};
+      ceres::Problem one;
+      one.AddResidualBlock(new Linear({A}), nullptr, x);
+      ceres::Problem two;
+      two.AddResidualBlock(new Linear({A.col(0), A.col(1)}), nullptr, x, x + 1);
+      if (is_lower) {
+        one.SetParameterLowerBound(x, 1, x[1]);
+        two.SetParameterLowerBound(x + 1, 0, x[1]);
+      } else {
+        one.SetParameterUpperBound(x, 1, x[1]);
+        two.SetParameterUpperBound(x + 1, 0, x[1]);
+      }
+      one.SetParameterLowerBound(x, 0, x[0] - 1.0);  // not active
+      const Covariance of_one = Compute(one, {{x, x}}, options);
+      EXPECT_NEAR(of_one.TangentBlock(x, x)(0, 0), free_variance, 1e-15);
+      EXPECT_EQ(of_one.TangentBlock(x, x).col(1), Eigen::Vector2d::Zero());
+      EXPECT_EQ(of_one.block(x).at_bound, std::vector<int>{1});
+      const Covariance of_two = Compute(two, AllPairs({x, x + 1}), options);
+      EXPECT_NEAR(of_two.TangentBlock(x, x)(0, 0), free_variance, 1e-15);
+      EXPECT_EQ(of_two.block(x + 1).standard_deviations[0], 0.0);
+      for (const Covariance* C : {&of_one, &of_two}) {
+        EXPECT_EQ(C->rank(), 1);
+        EXPECT_EQ(C->num_parameters(), 1);
+        const std::string text = C->ToText();
+        EXPECT_EQ(text.find("5 residuals, 1 parameters (and 1 at bounds), 1 "
+                            "determined"),
+                  0u)
+            << text;
+        EXPECT_NE(text.find("0.25  at its bound"), std::string::npos) << text;
+      }
+    }
+  }
+}
+
 TEST(CovarianceDeathTest, AMissingPairIsACallersBug) {
   ceres::Problem problem;
   Graph2 graph(3, 1.0, &problem);

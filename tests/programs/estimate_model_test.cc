@@ -184,6 +184,29 @@ TEST_F(EstimateModel, StaysWithinBounds) {
   ExpectSays(refused, {"not run: the problem has bounds"});
 }
 
+// y = a t + b with b at its bound, by hand: a = sum t y / sum t^2 = 22 / 14,
+// with the deviation sqrt(sum r^2 / (4 - 1) / sum t^2).
+TEST_F(EstimateModel, ParametersAtTheirBoundsCountAsConstant) {
+  const Output output =
+      RunQuietly(WriteText("line.csv", "t,y\n0,-1\n1,0\n2,5\n3,4\n"),
+                 "run",
+                 {"--model=y=a*t+b",
+                  "--start_values=a=1,b=0",
+                  "--bounds=b=0..5",
+                  "--methods=ceres_lm,ceres_dogleg,ceres_lm+geodesic",
+                  "--covariance"});
+  const double a = 22.0 / 14.0;
+  const double squares = 1.0 + 25.0 + 16.0 - 22.0 * a;
+  for (const char* method : {"ceres_lm", "ceres_dogleg", "ceres_lm+geodesic"}) {
+    ExpectSays(output,
+               {fmt::format("line, {}: a = {:.8g} +/- {:.3g}, b = 0 (at its "
+                            "bound)",
+                            method,
+                            a,
+                            std::sqrt(squares / 3.0 / 14.0))});
+  }
+}
+
 // In units in which a parameter is 1e-12 and its start is zero.
 TEST_F(EstimateModel, UnitsOfParametersDoNotMatter) {
   std::string text = "x,y\n";

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -92,7 +93,8 @@ class Covariance::Computation {
 
   bool Run(const std::vector<Pair>& pairs, std::string* error) {
     if (!options_.rank.IsValid(error) ||
-        !GroupBlocks(options_.rank, problem_, &report_, &groups_, error)) {
+        !GroupBlocks(
+            options_.rank, problem_, &report_, &at_bound_, &groups_, error)) {
       return false;
     }
     AddBlocks();
@@ -136,11 +138,19 @@ class Covariance::Computation {
       block.weak_variances = VectorXd::Zero(from.tangent_size);
       block.omitted_variances = VectorXd::Zero(from.tangent_size);
       block.plus_jacobian = PlusJacobian(problem_, from);
+      block.at_bound = at_bound_[result_.blocks_.size()];
+      block.undetermined_shares(block.at_bound).setZero();
+      result_.num_parameters_ -= static_cast<int>(block.at_bound.size());
       result_.blocks_.push_back(std::move(block));
     }
     for (const RankReport::Unused& unused : report_.unused) {
       if (!unused.has_rounding) continue;
-      result_.blocks_[unused.block].rounding = unused.tangent;
+      Block& block = result_.blocks_[unused.block];
+      std::set_difference(unused.tangent.begin(),
+                          unused.tangent.end(),
+                          block.at_bound.begin(),
+                          block.at_bound.end(),
+                          std::back_inserter(block.rounding));
     }
   }
 
@@ -268,6 +278,7 @@ class Covariance::Computation {
   const ceres::Problem& problem_;
   Covariance& result_;
   RankReport report_;
+  std::vector<std::vector<int>> at_bound_;  // of each block of the report
   std::vector<BlockGroup> groups_;
   std::vector<GroupRequests> requests_;  // of each group
 };

@@ -25,17 +25,25 @@ std::string Percent(double share) {
   return FormatNumber(100.0 * share, 3) + " %";
 }
 
+bool Contains(const std::vector<int>& directions, int tangent) {
+  return std::count(directions.begin(), directions.end(), tangent) > 0;
+}
+
 Line ParameterLine(const Covariance::Block& block, int tangent) {
   Line line;
   line.name = block.block.ParameterName(tangent);
   const int component = block.block.components[tangent];
   const double value = component < 0 ? 0.0 : block.values[component];
   line.value = component < 0 ? "-" : FormatNumber(value, 8);
+  if (Contains(block.at_bound, tangent)) {
+    line.deviation = "at its bound";
+    return line;
+  }
   const double deviation = block.standard_deviations[tangent];
   const double share = block.undetermined_shares[tangent];
   if (!std::isfinite(deviation)) {
     line.deviation = "not determined";
-    if (std::count(block.rounding.begin(), block.rounding.end(), tangent) > 0) {
+    if (Contains(block.rounding, tangent)) {
       line.deviation += " (derivatives are 0 or rounding errors)";
     }
     return line;
@@ -98,10 +106,15 @@ std::string More(std::size_t size, int max_items) {
 }  // namespace
 
 std::string Covariance::ToText(double min_correlation, int max_items) const {
+  std::size_t num_at_bounds = 0;
+  for (const Block& block : blocks_) num_at_bounds += block.at_bound.size();
   std::string text = fmt::format(
-      "{} residuals, {} parameters, {} determined; variance of a residual {}\n",
+      "{} residuals, {} parameters{}, {} determined; variance of a residual "
+      "{}\n",
       num_residuals_,
       num_parameters_,
+      num_at_bounds > 0 ? fmt::format(" (and {} at bounds)", num_at_bounds)
+                        : "",
       rank_,
       uses_residual_variance_
           ? FormatNumber(residual_variance(), 5) + " (2 L / (m - rank))"

@@ -112,6 +112,7 @@ static void to_json(Json& json, const Covariance::Block& block) {
   json["weak_variances"] = Array(block.weak_variances);
   json["omitted_variances"] = Array(block.omitted_variances);
   json["rounding"] = block.rounding;
+  json["at_bound"] = block.at_bound;
 }
 
 static void to_json(Json& json, const DomainFailure::Parameter& parameter) {

@@ -14,6 +14,7 @@
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/small_covariance.h"
 #include "invgrad/jacobian_operator.h"
+#include "invgrad/rank/at_bounds.h"
 #include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
@@ -338,6 +339,7 @@ bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
 bool GroupBlocks(const RankReport::Options& options,
                  const ceres::Problem& problem,
                  RankReport* report,
+                 std::vector<std::vector<int>>* at_bound,
                  std::vector<BlockGroup>* groups,
                  std::string* error) {
   ProblemLinearizer::Options linearizer_options;
@@ -362,6 +364,10 @@ bool GroupBlocks(const RankReport::Options& options,
     lengths[j] = Eigen::Map<const VectorXd>(J.valuePtr() + begin,
                                             J.outerIndexPtr()[j + 1] - begin)
                      .stableNorm();
+  }
+  if (at_bound != nullptr) {
+    *at_bound = DirectionsAtBounds(problem, report->blocks);
+    RemoveColumns(report->blocks, *at_bound, &J, &lengths);
   }
   std::vector<bool> is_rounding;
   RemoveRounding(*report, &J, &lengths, &is_rounding);

@@ -3,6 +3,9 @@
 //
 //   A = J D^-1,   D = diag(|J e_i|), or as RankReport::Options::group_sizes say
 //
+// Columns of components at their bounds may be left out, as if the components
+// were constant.
+//
 // Two blocks are in one group if a row of J has nonzero entries in both, or if
 // a chain of such pairs connects them. Columns of zeros belong to no group.
 //
@@ -42,10 +45,13 @@ bool IsDense(const RankReport::Options& options, const BlockGroup& group);
 // Linearizes the problem and fills the report's sizes, blocks, unused
 // parameters, short columns and lengths of columns. Returns false, with a
 // message, if a cost function fails or is not finite, if memory does not
-// suffice, or if group_sizes do not fit to a block.
+// suffice, or if group_sizes do not fit to a block. `at_bound`: for each block
+// of the report its tangent directions that move a component at its bound
+// alone; they count as unused. Null: bounds do not matter.
 bool GroupBlocks(const RankReport::Options& options,
                  const ceres::Problem& problem,
                  RankReport* report,
+                 std::vector<std::vector<int>>* at_bound,
                  std::vector<BlockGroup>* groups,
                  std::string* error);
 

@@ -135,7 +135,7 @@ bool ComputeRankReport(const RankReport::Options& options,
   result.weak_threshold = options.weak_threshold;
   std::vector<BlockGroup> groups;
   std::vector<SmallestSingular> small;  // of each group
-  if (!GroupBlocks(options, problem, &result, &groups, error) ||
+  if (!GroupBlocks(options, problem, &result, nullptr, &groups, error) ||
       !Decompose(options, groups, &small, &result, error)) {
     return false;
   }
