@@ -48,6 +48,25 @@ TEST(LocalizedBasis, TakesARotatedSpaceApart) {
   EXPECT_LE((basis.rest.transpose() * basis.single).norm(), 1e-13);
 }
 
+// The null space of a random 3 x 240 matrix: one direction within each block of
+// four rows, and a space of far more dimensions than a block has.
+TEST(LocalizedBasis, FindsTheDirectionsWithinSmallBlocks) {
+  const int n = 240;
+  const MatrixXd A = NumpyRandom(8).Rand(3, n).array() - 0.5;
+  const Eigen::HouseholderQR<MatrixXd> qr(A.transpose());
+  const MatrixXd Q = qr.householderQ();
+  std::vector<int> offsets;
+  for (int b = 0; b <= n; b += 4) offsets.push_back(b);
+  const LocalizedBasis basis = Localize(Q.rightCols(n - 3), offsets);
+  ASSERT_EQ(basis.single.cols(), n / 4);
+  EXPECT_LE((A * basis.single).cwiseAbs().maxCoeff(), 1e-12);
+  for (int b = 0; b < n / 4; ++b) {
+    EXPECT_EQ(basis.single_blocks[b], b);
+    EXPECT_NEAR(basis.single.col(b).segment(4 * b, 4).norm(), 1.0, 1e-12);
+  }
+  EXPECT_EQ(basis.rest.cols(), n - 3 - n / 4);
+}
+
 TEST(LocalizedBasis, OrthogonalRestIsInTheSpan) {
   const MatrixXd V = Orthonormal(NumpyRandom(6).Rand(9, 4));
   const MatrixXd U = V * NumpyRandom(7).Rand(4, 2);

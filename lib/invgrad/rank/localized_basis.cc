@@ -20,9 +20,15 @@ MatrixXd WithinRows(const Eigen::Ref<const MatrixXd>& V, int begin, int end) {
   const MatrixXd V_b = V.middleRows(begin, end - begin);
   MatrixXd found(V.rows(), 0);
   if (V_b.squaredNorm() < kInside) return found;  // true of most blocks
-  const RightSvd svd = ComputeRightSvd(V_b);
-  for (Index i = 0; i < V.cols() && svd.s[i] * svd.s[i] >= kInside; ++i) {
-    VectorXd v = V * svd.V.col(i);
+  // Of the smaller side: c = V_b^T u / s.
+  const bool is_wide = V_b.rows() < V_b.cols();
+  const RightSvd svd =
+      ComputeRightSvd(is_wide ? MatrixXd(V_b.transpose()) : V_b);
+  for (Index i = 0; i < svd.s.size() && svd.s[i] * svd.s[i] >= kInside; ++i) {
+    const VectorXd c = is_wide
+                           ? VectorXd(V_b.transpose() * svd.V.col(i) / svd.s[i])
+                           : VectorXd(svd.V.col(i));
+    VectorXd v = V * c;
     const double outside =
         v.head(begin).squaredNorm() + v.tail(V.rows() - end).squaredNorm();
     if (outside > kNoPart * kNoPart) continue;
