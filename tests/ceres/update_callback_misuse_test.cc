@@ -144,5 +144,32 @@ TEST(UpdateCallback, BlocksHeldConstantMeanwhileAreRefused) {
   EXPECT_DEATH(callback.AddTo(&options), "End the callback before");
 }
 
+// The second solve with the coarse options is as the first.
+TEST(UpdateCallback, OptionsKeepTheirOwnTolerances) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(1.0);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options coarse = SolverOptions(nullptr);
+  coarse.function_tolerance = coarse.gradient_tolerance =
+      coarse.parameter_tolerance = 1e-2;
+  ceres::Solver::Options fine = SolverOptions(nullptr);
+  fine.function_tolerance = fine.gradient_tolerance = fine.parameter_tolerance =
+      1e-14;
+  const auto final_cost = [&](ceres::Solver::Options* options) {
+    p.x = -1.2;
+    p.y = 1.0;
+    callback.AddTo(options);
+    ceres::Solver::Summary summary;
+    ceres::Solve(*options, &p.problem, &summary);
+    return summary.final_cost;
+  };
+  const double first = final_cost(&coarse);
+  const double better = final_cost(&fine);
+  EXPECT_LT(better, 1e-6 * first);
+  EXPECT_EQ(final_cost(&coarse), first);
+  ceres::Solver::Options copy = coarse;
+  EXPECT_EQ(final_cost(&copy), first);
+}
+
 }  // namespace update_callback_misuse_test
 }  // namespace invgrad

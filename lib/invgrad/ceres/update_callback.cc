@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -51,7 +52,8 @@ class UpdateCallback::State final : public ceres::IterationCallback {
       staged_->Unwrap();
       return;
     }
-    users_ = *options;
+    users_[options] = *options;
+    last_ = options;
     staged_->Clear();
     staged_->Wrap();
     bounds_.emplace(*problem_, linearizer_.structure());
@@ -111,13 +113,17 @@ class UpdateCallback::State final : public ceres::IterationCallback {
         std::find(options->callbacks.begin(), options->callbacks.end(), this);
     if (mine == options->callbacks.end()) return;
     options->callbacks.erase(mine);
-    const auto restore = [](auto users, auto* option) {
-      if (*option == 0) *option = users;
+    // A copy of options that AddTo has changed has no entry.
+    const auto found = users_.find(options);
+    const ceres::Solver::Options& users =
+        found != users_.end() ? found->second : users_.at(last_);
+    const auto restore = [](auto value, auto* option) {
+      if (*option == 0) *option = value;
     };
-    restore(users_.function_tolerance, &options->function_tolerance);
-    restore(users_.gradient_tolerance, &options->gradient_tolerance);
-    restore(users_.parameter_tolerance, &options->parameter_tolerance);
-    restore(users_.max_num_line_search_step_size_iterations,
+    restore(users.function_tolerance, &options->function_tolerance);
+    restore(users.gradient_tolerance, &options->gradient_tolerance);
+    restore(users.parameter_tolerance, &options->parameter_tolerance);
+    restore(users.max_num_line_search_step_size_iterations,
             &options->max_num_line_search_step_size_iterations);
   }
 
@@ -127,7 +133,9 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   ProblemLinearizer linearizer_;
   std::optional<Bounds> bounds_;  // at the last AddTo
   std::optional<StagedStep> staged_;
-  ceres::Solver::Options users_;             // of the last AddTo
+  // What AddTo has changed, by the options' address, and the last of these.
+  std::map<const ceres::Solver::Options*, ceres::Solver::Options> users_;
+  const ceres::Solver::Options* last_ = nullptr;
   std::optional<SolveWithProposals> solve_;  // none: no proposals
   bool has_begun_ = false;                   // solve_
   Summary summary_;                          // without solve_
