@@ -102,6 +102,8 @@ class RegressionEstimation final : public Estimation {
     const Eigen::ArrayXd w = regression_.weights.array().square();
     Eigen::ArrayXd f(y.size());
     for (Eigen::Index i = 0; i < f.size(); ++i) {
+      f[i] = y[i];
+      if (w[i] == 0.0) continue;  // the model may have no value there
       const Eigen::VectorXd x = regression_.predictors.row(i);
       f[i] = regression_.value(x.data(), b_.data());
     }

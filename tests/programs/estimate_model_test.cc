@@ -310,6 +310,19 @@ TEST_F(EstimateModel, SaysThatAConstantIsAsGood) {
   }
 }
 
+// The model has no value in a row of weight 0.
+TEST_F(EstimateModel, SaysThatAConstantIsAsGoodAsWithoutRowsOfWeightZero) {
+  std::string text = "t,y,w\n-1,5,0\n";
+  for (int i = 1; i <= 40; ++i) text += fmt::format("{},{},1\n", i, i % 2);
+  const Output output = RunQuietly(WriteText("log.csv", text),
+                                   "run",
+                                   {"--model=a + b*log(t)",
+                                    "--start_values=a=1,b=1",
+                                    "--weights=w",
+                                    "--methods=ceres_lm"});
+  ExpectSays(output, {"no better than a constant"});
+}
+
 TEST_F(EstimateModel, SaysWhatIsWrong) {
   const std::string input =
       "--input=" + WriteText("t.csv", "t,y,name\n1,2,a\n2,3,b\n3,-1,c\n");
