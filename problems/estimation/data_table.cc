@@ -30,7 +30,8 @@ std::size_t EndOfQuotes(std::string_view line, std::size_t begin) {
   return begin;
 }
 
-char SeparatorOf(std::string_view line) {
+// `line`: without the blanks around it.
+char SeparatorOf(std::string_view line, bool begins_with_tab) {
   std::string unquoted;
   for (std::size_t i = 0; i < line.size(); ++i) {
     const bool may_begin =
@@ -41,7 +42,7 @@ char SeparatorOf(std::string_view line) {
   for (const char separator : kSeparators) {
     if (unquoted.find(separator) != std::string::npos) return separator;
   }
-  return ' ';
+  return begins_with_tab ? '\t' : ' ';  // an empty cell and another
 }
 
 // The position after the cell that begins at `begin`.
@@ -175,10 +176,16 @@ bool ParseTable(const std::string& text,
   DataTable read;
   bool is_first = true;
   while (cursor.NextLine()) {
-    const std::string_view line = Trimmed(cursor.RestOfLine());
+    const std::string_view whole = cursor.RestOfLine();
+    const std::string_view line = Trimmed(whole);
     if (line.empty() || line[0] == '#') continue;
-    if (is_first) read.separator = SeparatorOf(line);
-    std::vector<std::string> cells = CellsOf(line, read.separator);
+    if (is_first) read.separator = SeparatorOf(line, whole[0] == '\t');
+    // The first and the last cell may be empty between tabs.
+    std::vector<std::string> cells =
+        CellsOf(read.separator == '\t' ? whole : line, read.separator);
+    if (!is_first && cells.size() != read.names.size()) {
+      cells = CellsOf(line, read.separator);  // tabs around the row
+    }
     if (is_first) {
       is_first = false;
       std::string what;
@@ -224,7 +231,11 @@ std::string TableText(const DataTable& table) {
   const auto add = [&](const std::vector<std::string>& row) {
     for (std::size_t k = 0; k < row.size(); ++k) {
       if (k > 0) text += table.separator;
-      text += Quoted(row[k], table.separator);
+      const bool is_edge = k == 0 || k + 1 == row.size();
+      // Tabs at the ends of a line may be no separators.
+      text += is_edge && row[k].empty() && table.separator == '\t'
+                  ? "\"\""
+                  : Quoted(row[k], table.separator);
     }
     text += '\n';
   };

@@ -97,6 +97,35 @@ TEST(DataTable, QuotesKeepSeparators) {
   EXPECT_EQ(inches.rows[0], (std::vector<std::string>{"5\"", "\"3"}));
 }
 
+TEST(DataTable, CellsBetweenTabsMayBeEmpty) {
+  for (const std::string text : {"x\ty\tnote\n1\t2\tok\n3\t4\t\n",
+                                 "note\tx\ty\r\nok\t1\t2\r\n\t3\t4\r\n",
+                                 "\tx\ty\n0\t1\t2\n1\t3\t4\n",
+                                 "x\ty\t\n1\t2\t\n3\t4\t\n"}) {
+    SCOPED_TRACE(text);
+    const DataTable table = Parsed(text);
+    EXPECT_EQ(table.names.size(), 3u);
+    EXPECT_EQ(ColumnOf(table, "x"), Eigen::Vector2d(1.0, 3.0));
+    EXPECT_EQ(ColumnOf(table, "y"), Eigen::Vector2d(2.0, 4.0));
+    const DataTable back = Parsed(TableText(table));
+    EXPECT_EQ(back.names, table.names);
+    EXPECT_EQ(back.rows, table.rows);
+  }
+  // An index without a name.
+  EXPECT_EQ(ColumnOf(Parsed("\ty\n0\t2\n1\t4\n"), "y"),
+            Eigen::Vector2d(2.0, 4.0));
+  // Tabs around some rows are no cells.
+  EXPECT_EQ(ColumnOf(Parsed("x\ty\n\t1\t2\n3\t4\t\n"), "y"),
+            Eigen::Vector2d(2.0, 4.0));
+  DataTable written;
+  written.separator = '\t';
+  written.names = {"", "y"};
+  written.rows = {{"", ""}, {"", "#"}, {"1", ""}};
+  const DataTable back = Parsed(TableText(written));
+  EXPECT_EQ(back.names, written.names);
+  EXPECT_EQ(back.rows, written.rows);
+}
+
 TEST(DataTable, NewNamesAreNotThere) {
   const DataTable table = Parsed("x,fit,fit_2\n1,2,3\n");
   EXPECT_EQ(table.NewName("fit"), "fit_3");
