@@ -35,7 +35,10 @@
 // it (domain_failure.h).
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
-//          nonmonotonic steps may be on); otherwise the callback aborts the
+//          nonmonotonic steps may be on. Without an inner_iteration_ordering
+//          Ceres orders inner iterations by the addresses of its blocks, so
+//          that two solves differ, and the solve without proposals is no longer
+//          the one without a callback); otherwise the callback aborts the
 //          solve, and summary().message gives the reason. One callback for a
 //          problem at a time, AddTo before each solve, and no solve of the
 //          problem without AddTo while the callback exists. Rules must not
