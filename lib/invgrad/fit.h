@@ -97,6 +97,7 @@ void FitMany(const FitOptions& options,
   std::string error;
   CHECK(options.IsValid(&error)) << error;
   CHECK_EQ(num_rows.size(), fits->size()) << "one number of rows a data set";
+  for (const int rows : num_rows) CHECK_GE(rows, 0) << "rows of a data set";
   const int num_fits = static_cast<int>(fits->size());
   // Fits that take long lie side by side in many data, so that each thread
   // takes the next few rather than a fixed share.

@@ -166,6 +166,17 @@ TEST(FitMany, FewerRowsThanParameters) {
   EXPECT_EQ(fits[0].x, Vector3d(1.0, 1.0, 0.0));
 }
 
+// Every two columns of one row are parallel.
+TEST(FitMany, OneRowMakesNoParametersEqual) {
+  DecayData one;
+  one.t = {1.0};
+  one.y = {2.0};
+  const FitResult<3> fit =
+      FitDecays({one}, FitOptions(), Vector3d(1.0, 1.0, 1.0))[0];
+  EXPECT_EQ(fit.rank, 1);
+  EXPECT_EQ(fit.equal_parameter, -1);
+}
+
 TEST(FitMany, ExactDataAtTheirSolution) {
   std::vector<DecayData> data = ManyDecays(1);
   const Vector3d truth(2.0, 0.5, 0.25);
@@ -300,6 +311,7 @@ TEST(FitManyDeathTest, CallersBugs) {
   std::vector<FitResult<1>> fits(2);
   EXPECT_DEATH(FitMany(FitOptions(), Log(), {1}, &fits),
                "one number of rows a data set");
+  EXPECT_DEATH(FitMany(FitOptions(), Log(), {1, -5}, &fits), "rows of a");
   FitOptions options;
   options.num_threads = 0;
   EXPECT_DEATH(FitMany(options, Log(), {1, 1}, &fits), "num_threads");

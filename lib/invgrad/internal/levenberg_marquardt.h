@@ -148,7 +148,9 @@ void DescribeFit(const FitOptions& options,
                                     fit->cost <= kVanished * fit->initial_cost
                                 ? 0.0
                                 : PredictedDecrease<N>(options, root, fit->x);
-  for (int j = 1; j < N && fit->rank < N; ++j) {
+  // Columns of too few rows may be parallel whatever the parameters are.
+  const bool may_be_equal = fit->rank < N && root.num_rows >= N;
+  for (int j = 1; j < N && may_be_equal; ++j) {
     for (int i = 0; i < j && fit->equal_parameter < 0; ++i) {
       constexpr double kEqual = 1e-9;
       constexpr double kParallel = 1.0 - 1e-12;
