@@ -325,6 +325,25 @@ TEST(Covariance, ComponentsAtBoundsCountAsConstant) {
   }
 }
 
+// x + y / u: the variance of y is u^-2, the sum of terms of u^2.
+TEST(Covariance, VariancesAreNotNegative) {
+  for (double u = 1e7; u < 1e10; u *= 1.1) {
+    double x[2] = {1.0, u};
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new Linear({MatrixXd::Ones(1, 1), MatrixXd::Constant(1, 1, 1.0 / u)}),
+        nullptr,
+        x,
+        x + 1);
+    const Covariance covariance =
+        Compute(problem, AllPairs({x, x + 1}), Sparse());
+    EXPECT_EQ(covariance.rank(), 1);
+    for (const double* value : {x, x + 1}) {
+      EXPECT_GE(covariance.TangentBlock(value, value)(0, 0), 0.0) << u;
+    }
+  }
+}
+
 TEST(CovarianceDeathTest, AMissingPairIsACallersBug) {
   ceres::Problem problem;
   Graph2 graph(3, 1.0, &problem);

@@ -360,6 +360,8 @@ bool SparsePseudoInverse(const BlockGroup& group,
     const MatrixXd N_b = N(in_b, Eigen::all);
     C += (N_a * NtW - W(in_a, Eigen::all)) * N_b.transpose() -
          N_a * W(in_b, Eigen::all).transpose();
+    // Terms of other units may cancel to less than zero.
+    if (a == b) C.diagonal() = C.diagonal().cwiseMax(0.0);
   }
   return true;
 }

@@ -34,7 +34,10 @@
 //          fails or if there are more undetermined directions than
 //          max_directions.
 // Limits:  a variance has a relative error of about 1e-16 (s_max / s)^2 in the
-//          sparse case, and of 1e-16 s_max / s in the dense one.
+//          sparse case, and of 1e-16 s_max / s in the dense one. In the sparse
+//          case the variance of a parameter that is determined in part has
+//          that error relative to the largest term of P G P, which other units
+//          of the parameters enlarge; it is never below 0.
 //
 // [1] Ben-Israel, Greville. Generalized Inverses. 2003, section 2.3.
 #ifndef INVGRAD_COVARIANCE_PSEUDO_INVERSE_H_
