@@ -250,5 +250,27 @@ TEST(ReducedCost, OfRobustLossesHasTheMinimumOfTheProblem) {
   }
 }
 
+// Close to the L1 norm. The gradient's terms are of the size of the width.
+TEST(ReducedCost, OfNarrowLossesIsStationaryInTheLinearParameters) {
+  for (const double width : {0.03, 1e-3, 1e-6}) {
+    for (int k = 0; k < 20; ++k) {
+      SCOPED_TRACE(width);
+      SCOPED_TRACE(k);
+      Exponentials data(25, 0.05, 0.5);
+      data.a = {0.5 + 0.15 * k, 0.1 + 0.02 * k};
+      ceres::Problem problem;
+      data.AddTo(&problem, [width] { return new ceres::HuberLoss(width); });
+      const auto separable = Reduce({{data.c.data(), {}}}, &problem);
+      std::string error;
+      ASSERT_TRUE(separable->SolveLinear(&error)) << error;
+      std::vector<double> gradient;
+      ceres::Problem::EvaluateOptions of_c;
+      of_c.parameter_blocks = {data.c.data()};
+      ASSERT_TRUE(problem.Evaluate(of_c, nullptr, nullptr, &gradient, nullptr));
+      EXPECT_LE(std::hypot(gradient[0], gradient[1]), 1e-4 * width);
+    }
+  }
+}
+
 }  // namespace reduced_cost_test
 }  // namespace invgrad

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "Eigen/Cholesky"
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/separable/root_loss.h"
 
@@ -17,6 +18,7 @@ using RowMajorMatrix =
 
 // Reweighting converges linearly, by a factor of 0.1 to 0.5 for a few outliers.
 constexpr int kMaxReweightings = 200;
+constexpr int kMaxNewtonSteps = 100;      // where that does not converge
 constexpr double kSameResiduals = 1e-12;  // relative
 constexpr int kMaxHalvings = 30;
 
@@ -26,6 +28,33 @@ void ApplyRootLoss(const RootLoss& root,
                    Eigen::Ref<MatrixXd> dr) {
   const Eigen::RowVectorXd r_dr = r.transpose() * dr;
   dr = root.scale * (dr + root.beta * r * r_dr);
+}
+
+// Of 1/2 sum rho(|r_b|^2), damped: sqrt(rho') Phi dc = Q z, Q^T Q = I.
+// Reweighting is the step -g.
+//
+//   ((1 - damping) H + damping I) z = -g,   g = Q^T (sqrt(rho') r)
+//   H = I + sum_b 2 rho_b'' / rho_b' u_b u_b^T,   u_b = Q_b^T r_b
+template <typename Blocks>
+VectorXd NewtonStep(const Blocks& blocks,
+                    const MatrixXd& Q,
+                    const VectorXd& r,
+                    const VectorXd& weights,
+                    double damping) {
+  const VectorXd g = Q.transpose() * weights.cwiseProduct(r);
+  MatrixXd H = MatrixXd::Identity(Q.cols(), Q.cols());
+  for (const auto& block : blocks) {
+    if (block.loss_function == nullptr) continue;
+    const auto r_b = r.segment(block.row, block.size);
+    double rho[3];
+    block.loss_function->Evaluate(r_b.squaredNorm(), rho);
+    if (!(rho[1] > 0.0)) continue;
+    const VectorXd u = Q.middleRows(block.row, block.size).transpose() * r_b;
+    H += (1.0 - damping) * 2.0 * rho[2] / rho[1] * u * u.transpose();
+  }
+  const Eigen::LLT<MatrixXd> llt(H);
+  if (llt.info() != Eigen::Success) return -g;
+  return -llt.solve(g);
 }
 
 }  // namespace
@@ -77,9 +106,19 @@ bool ReducedCost::Reweight(const VectorXd& r_0,
   double cost;
   VectorXd weights;
   if (!RobustCost(r_, &cost, &weights, error)) return false;
-  for (int k = 0; k < kMaxReweightings; ++k) {
+  double damping = 0.1;
+  for (int k = 0; k < kMaxReweightings + kMaxNewtonSteps; ++k) {
+    const bool is_newton = k >= kMaxReweightings;
     projection_.emplace(weights.asDiagonal() * Phi, rank_threshold_);
-    VectorXd change = -projection_->Solve(weights.cwiseProduct(r_0)) - c_;
+    VectorXd change;
+    if (is_newton) {
+      const MatrixXd& Q = projection_->range();
+      change = projection_->Solve(
+          Q *
+          NewtonStep(residuals_.residual_blocks(), Q, r_, weights, damping));
+    } else {
+      change = -projection_->Solve(weights.cwiseProduct(r_0)) - c_;
+    }
     VectorXd r;
     double next_cost;
     VectorXd next_weights;
@@ -89,7 +128,13 @@ bool ReducedCost::Reweight(const VectorXd& r_0,
       if (!RobustCost(r, &next_cost, &next_weights, error)) return false;
       if (next_cost <= cost) break;
     }
-    if (halvings > kMaxHalvings) break;  // rounding errors
+    if (is_newton) {
+      damping = std::clamp(damping * (halvings > 0 ? 10.0 : 0.1), 1e-10, 1.0);
+    }
+    if (halvings > kMaxHalvings) {
+      if (is_newton && damping < 1.0) continue;
+      break;  // rounding errors
+    }
     const double moved = (r - r_).norm();
     c_ += change;
     r_ = r;

@@ -22,10 +22,10 @@
 // the cost rises. f_b is then that of root_loss.h, and Phi and A are its
 // derivatives; as Phi^T f = 0, Kaufman's Jacobian gives the exact gradient
 // here, too. A loss that is much narrower than the residuals is close to the L1
-// norm: reweighting then ends at 200, above the minimum. The gradient has an
-// error then, of 0.25 % for losses of width 1e-6 at residuals of 0.05 to 2.
-// Reweighting starts from the c of the last state with a Jacobian, which an
-// accepted step leads to.
+// norm, where reweighting may need far more steps than 200: damped Newton steps
+// come after these, 100 at most. For losses of width 1e-6 to 0.03 at residuals
+// of 0.05 to 1 the gradient then has errors below 1e-4. Reweighting starts from
+// the c of the last state with a Jacobian, which an accepted step leads to.
 //
 // Cost:    an evaluation without Jacobian is one of r and Phi and a
 //          decomposition; with Jacobian, one of r, A and Phi more, and p + 1
