@@ -84,6 +84,8 @@ class Sums {
     problem_.AddParameterBlock(z_, 1);
   }
 
+  void BoundZ() { problem_.SetParameterLowerBound(z_, 0, z_[0]); }
+
   RankReport::Options RankOptions() const {
     RankReport::Options options;
     options.block_name = [this](const double* values) {
@@ -138,7 +140,10 @@ TEST(ToJson, TheCovarianceIsThatOfThePage) {
   const nlohmann::json line = Read(LineCovariance());
   EXPECT_EQ(line["blocks"][0]["rounding"], std::vector<int>({0}));
   ExpectOnPage(line, &found);
-  ExpectOnPage(Read(Sums().ComputeCovariance()), &found);
+  Sums sums;
+  ExpectOnPage(Read(sums.ComputeCovariance()), &found);
+  sums.BoundZ();
+  ExpectOnPage(Read(sums.ComputeCovariance()), &found);
   ExpectAllFound("invgrad.covariance", found);
 }
 
