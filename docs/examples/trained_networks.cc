@@ -16,7 +16,7 @@
 // Ensemble:   y = x^2, the problem `multimodal` of compare: 20 networks, each
 //             from its own seed and trained by SIP on y in [0, 1].
 // Expect:     Places inside of the training data: tanh networks err by a
-//             centimetre in p, ReLU networks, which have no curvature, by ten.
+//             centimetre in p, ReLU networks, which have no curvature, by many.
 //             Outside: by metres, and the five networks agree on it.
 //             The spread of the ensemble's x is the choice between two
 //             pre-images; that of |x| is a third to all of the error, and an

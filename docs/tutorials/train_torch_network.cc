@@ -152,6 +152,7 @@ int main(int argc, char** argv) {
     invgrad::TrainOptions train;
     train.batch_size = 64;
     train.max_time_in_seconds = argc > 1 ? std::atof(argv[1]) : 5.0;
+    train.cpu_time = true;  // on a busy machine, too
     const invgrad::TrainResult result =
         invgrad::Train(model, {seen, seen}, method, train);
     if (!result.error.empty()) LOG(FATAL) << result.error;
