@@ -90,8 +90,8 @@ TEST_F(CompareRanks, KilledRanksLoseNothing) {
   const pid_t mpirun = StartRanks(2, run("killed"));
   // Before, MPI itself may end the rank that misses the other.
   WaitForFile(Path("killed"));
-  std::this_thread::sleep_for(std::chrono::milliseconds(random() % 900));
   const std::vector<pid_t> ranks = Children(mpirun);
+  std::this_thread::sleep_for(std::chrono::milliseconds(random() % 400));
   const std::size_t rank = random() % 2;
   const bool is_killed =
       rank < ranks.size() && ::kill(ranks[rank], SIGKILL) == 0;

@@ -219,9 +219,9 @@ TEST_F(SweepRanks, KilledRanksLoseOnlyWhatTheyWereRunning) {
   const pid_t mpirun = StartRanks(3, arguments);
   // Before, MPI itself may end the ranks that miss one.
   WaitForFile(Path("run") + "/jobs");
-  std::this_thread::sleep_for(std::chrono::milliseconds(random() % 1000));
   const std::vector<pid_t> ranks = Children(mpirun);
   ASSERT_EQ(ranks.size(), 3u);
+  std::this_thread::sleep_for(std::chrono::milliseconds(random() % 700));
   const int victim = static_cast<int>(random() % 3);
   const bool was_killed = ::kill(ranks[victim], SIGKILL) == 0;
   const auto start = std::chrono::steady_clock::now();

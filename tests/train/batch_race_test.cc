@@ -134,15 +134,12 @@ TEST(BatchRace, GoesOnWhereTheNewSamplesAreHarder) {
   EXPECT_EQ(race.Decide(1.0, never), Verdict::kIsLowest);
   EXPECT_EQ(race.Decide(9.0, never), Verdict::kGoesOn);
   EXPECT_EQ(race.Decide(50.0, of_lowest(20.0)), Verdict::kGoesOn);
-  EXPECT_EQ(race.lowest_loss(), 20.0);
-  // They are worse on these.
-  EXPECT_EQ(race.Decide(300.0, of_lowest(400.0)), Verdict::kIsLowest);
-  EXPECT_EQ(race.lowest_loss(), 300.0);
+  EXPECT_EQ(race.Decide(300.0, of_lowest(400.0)), Verdict::kGoesOn);
+  EXPECT_EQ(race.lowest_loss(), 1.0);
   EXPECT_EQ(race.Decide(3100.0, of_lowest(301.0)), Verdict::kGoesBack);
-  EXPECT_EQ(race.Decide(kInfinity, of_lowest(1.0)), Verdict::kGoesBack);
-  // Neither has a finite loss: the next one that has is the lowest.
-  EXPECT_EQ(race.Decide(kInfinity, of_lowest(kInfinity)), Verdict::kGoesOn);
-  EXPECT_EQ(race.Decide(7.0, never), Verdict::kIsLowest);
+  EXPECT_EQ(race.Decide(50.0, of_lowest(0.5)), Verdict::kGoesBack);
+  EXPECT_EQ(race.Decide(kInfinity, never), Verdict::kGoesBack);
+  EXPECT_EQ(race.lowest_loss(), 1.0);
 }
 
 TEST(BatchRace, LargerBatchesMustFit) {

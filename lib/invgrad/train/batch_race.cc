@@ -63,20 +63,19 @@ int BatchRace::Smaller() {
 
 BatchRace::Verdict BatchRace::Decide(double loss,
                                      const std::function<double()>& of_lowest) {
-  const auto is_far_above_lowest = [&]() {
-    return loss > lowest_loss_ + kFarAbove * std::abs(lowest_loss_);
-  };
-  if (loss >= lowest_loss_) {
-    if (!is_far_above_lowest()) return Verdict::kGoesOn;
-    // Rare samples with large residuals may be among the new ones.
-    lowest_loss_ = of_lowest();
-    work_ += costs_.of_judgement;
-  }
   if (loss < lowest_loss_) {
     lowest_loss_ = loss;
     return Verdict::kIsLowest;
   }
-  if (!is_far_above_lowest()) return Verdict::kGoesOn;
+  const auto is_far_above = [loss](double low) {
+    return loss > low + kFarAbove * std::abs(low);
+  };
+  if (!is_far_above(lowest_loss_)) return Verdict::kGoesOn;
+  // Rare samples with large residuals may be among the new ones.
+  work_ += costs_.of_judgement;
+  if (std::isfinite(loss) && !is_far_above(of_lowest())) {
+    return Verdict::kGoesOn;
+  }
   ++num_returns_;
   return Verdict::kGoesBack;
 }
