@@ -180,10 +180,11 @@ bool ParseTable(const std::string& text,
     const std::string_view line = Trimmed(whole);
     if (line.empty() || line[0] == '#') continue;
     if (is_first) read.separator = SeparatorOf(line, whole[0] == '\t');
-    // The first and the last cell may be empty between tabs.
+    // The first and the last cell may be empty between tabs, but not in a first
+    // row of numbers.
     std::vector<std::string> cells =
         CellsOf(read.separator == '\t' ? whole : line, read.separator);
-    if (!is_first && cells.size() != read.names.size()) {
+    if (is_first ? !HasNames(cells) : cells.size() != read.names.size()) {
       cells = CellsOf(line, read.separator);  // tabs around the row
     }
     if (is_first) {

@@ -114,9 +114,10 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     if (mine == options->callbacks.end()) return;
     options->callbacks.erase(mine);
     // A copy of options that AddTo has changed has no entry.
-    const auto found = users_.find(options);
-    const ceres::Solver::Options& users =
-        found != users_.end() ? found->second : users_.at(last_);
+    auto found = users_.find(options);
+    if (found == users_.end()) found = users_.find(last_);
+    if (found == users_.end()) return;  // of another callback at this address
+    const ceres::Solver::Options& users = found->second;
     const auto restore = [](auto value, auto* option) {
       if (*option == 0) *option = value;
     };

@@ -14,7 +14,8 @@
 // Shapes:  y, y*, g, d_y: loss size;  H_L: size x size, of one sample.
 // Units:   a Newton step has the units of y, a gradient step [L]/[y].
 // Cost:    one loss; a general Newton step adds one Hessian and size^3 / 3
-//          operations (saddle-free: 9 size^3).
+//          operations (saddle-free: 9 size^3, and twice that where H_L is
+//          singular).
 // Fails:   returns false if the loss has no finite value, if H_L is singular
 //          (Newton), or if the loss does not form it (both Newton steps). Where
 //          H_L looks singular in the units of y (saddle-free: an |eigenvalue| is

@@ -62,10 +62,9 @@ void Append(const MinimizerSummary& next, MinimizerSummary* summary) {
   if (!summary->first_outside_domain) {
     summary->first_outside_domain = next.first_outside_domain;
   }
-  if (next.termination_type == ceres::FAILURE) return;
   summary->termination_type = next.termination_type;
   summary->message = next.message;
-  summary->final_cost = next.final_cost;
+  if (!next.iterations.empty()) summary->final_cost = next.final_cost;
 }
 
 // Solves for all components but those that are held.

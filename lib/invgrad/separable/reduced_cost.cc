@@ -128,13 +128,13 @@ bool ReducedCost::Reweight(const VectorXd& r_0,
       if (!RobustCost(r, &next_cost, &next_weights, error)) return false;
       if (next_cost <= cost) break;
     }
+    const bool has_fallen = halvings <= kMaxHalvings;
+    // At a damping of 1 the step is that of reweighting: rounding errors.
+    if (!has_fallen && (!is_newton || damping == 1.0)) break;
     if (is_newton) {
       damping = std::clamp(damping * (halvings > 0 ? 10.0 : 0.1), 1e-10, 1.0);
     }
-    if (halvings > kMaxHalvings) {
-      if (is_newton && damping < 1.0) continue;
-      break;  // rounding errors
-    }
+    if (!has_fallen) continue;
     const double moved = (r - r_).norm();
     c_ += change;
     r_ = r;
