@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Cholesky"
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/jacobian_operator.h"
