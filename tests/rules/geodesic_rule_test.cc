@@ -7,6 +7,7 @@
 
 #include "Eigen/Cholesky"
 #include "Eigen/Core"
+#include "Eigen/LU"
 #include "gtest/gtest.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/linearization.h"
