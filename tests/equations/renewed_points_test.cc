@@ -24,6 +24,17 @@ MatrixXd PointsOf(const DataSet& samples) {
   return samples.contexts.middleRows(samples.contexts.rows() - 3, 2);
 }
 
+TrainingData RenewedData(const Equation& equation,
+                         const RenewedPoints::Options& options) {
+  DataSet samples;
+  std::string error;
+  EXPECT_TRUE(EquationSamples(equation, &samples, &error)) << error;
+  return TrainingData(
+      samples,
+      DataSet(),
+      std::make_shared<RenewedPoints>(equation, kDecayBox, options));
+}
+
 TEST(RenewedPoints, ContinueTheSequence) {
   const Equation decay = DecayEquation(1.0);
   const Model model = EquationModel(decay);
@@ -68,14 +79,7 @@ TEST(RenewedPoints, FollowTheResidual) {
 
 TEST(RenewedPoints, RefuseSmallBatches) {
   const Equation decay = DecayEquation(1.0);
-  DataSet samples;
-  std::string error;
-  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
-  const TrainingData data(
-      samples,
-      DataSet(),
-      std::make_shared<RenewedPoints>(
-          decay, kDecayBox, RenewedPoints::Options{10, false}));
+  const TrainingData data = RenewedData(decay, {10, false});
   TrainOptions options;
   options.batch_size = 16;
   EXPECT_EQ(Train(EquationModel(decay), data, "adam", options).error,
@@ -90,15 +94,8 @@ TEST(RenewedPoints, PointsWithoutAFiniteDistanceEndTheRun) {
   };
   decay.terms[0].points = GaussPoints(
       {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(0.5, 1.0)}, {6, 8});
-  DataSet samples;
-  std::string error;
-  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
   for (const bool by_residual : {false, true}) {
-    const TrainingData data(
-        samples,
-        DataSet(),
-        std::make_shared<RenewedPoints>(
-            decay, kDecayBox, RenewedPoints::Options{10, by_residual}));
+    const TrainingData data = RenewedData(decay, {10, by_residual});
     TrainOptions options;
     options.batch_size = 0;
     options.max_num_steps = 3;
@@ -114,15 +111,8 @@ TEST(RenewedPoints, PointsWithoutAFiniteDistanceEndTheRun) {
 // Also in the middle of a set, whose points depend on earlier weights.
 TEST(RenewedPoints, AResumedRunHasTheSameBits) {
   const Equation decay = DecayEquation(1.0);
-  DataSet samples;
-  std::string error;
-  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
   const Model model = EquationModel(decay);
-  const TrainingData data(
-      samples,
-      DataSet(),
-      std::make_shared<RenewedPoints>(
-          decay, kDecayBox, RenewedPoints::Options{10, true}));
+  const TrainingData data = RenewedData(decay, {10, true});
   const TemporaryFolder folder;
   TrainOptions options;
   options.batch_size = 0;

@@ -114,7 +114,9 @@ TEST(DataTable, CellsBetweenTabsMayBeEmpty) {
   // An index without a name.
   EXPECT_EQ(ColumnOf(Parsed("\ty\n0\t2\n1\t4\n"), "y"),
             Eigen::Vector2d(2.0, 4.0));
-  // Tabs around some rows are no cells.
+  // Tabs around some rows, or around rows of numbers alone, are no cells.
+  EXPECT_EQ(ColumnOf(Parsed("\t1\t2\n\t3\t4\n"), "c2"),
+            Eigen::Vector2d(2.0, 4.0));
   EXPECT_EQ(ColumnOf(Parsed("x\ty\n\t1\t2\n3\t4\t\n"), "y"),
             Eigen::Vector2d(2.0, 4.0));
   DataTable written;
