@@ -177,8 +177,8 @@ class PointObjective final : public Objective {
 // Bounds:  Ceres may stop above the minimum where a bound is active. The
 //          components that the gradient pushes against their bounds are then
 //          held constant, and Ceres goes on with the others
-//          (minimize/within_bounds.h); an evaluation callback of the problem
-//          must be in the options.
+//          (minimize/within_bounds.h), or the summary says NO_CONVERGENCE. An
+//          evaluation callback of the problem must be in the options.
 // Fails:   returns false, before anything runs, if the method does not apply
 //          (phases, batches; for a problem pull-backs), if its rule cannot
 //          propose steps for this problem (UpdateCallback::IsSupported), if a

@@ -167,6 +167,8 @@ TEST(UpdateCallback, OptionsKeepTheirOwnTolerances) {
   const double better = final_cost(&fine);
   EXPECT_LT(better, 1e-6 * first);
   EXPECT_EQ(final_cost(&coarse), first);
+  // Copies, too, whichever solve came last.
+  final_cost(&fine);
   ceres::Solver::Options copy = coarse;
   EXPECT_EQ(final_cost(&copy), first);
 }

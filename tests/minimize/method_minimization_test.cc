@@ -1,6 +1,5 @@
 #include "invgrad/minimize/method_minimization.h"
 
-#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -170,104 +169,6 @@ TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
     method.AddCeresDefaults({{"linear_solver", "dense_schur"}});
     EXPECT_TRUE(method.last_phase().ceres_settings.empty()) << text;
   }
-}
-
-// y = a t + b, b >= 0, data of y = 2 t - 0.5 and some noise: b ends at its bound,
-// where a = sum t y / sum t^2.
-struct BoundedLine {
-  struct Row {
-    template <typename T>
-    bool operator()(const T* ab, T* r) const {
-      r[0] = ab[0] * t + ab[1] - y;
-      return true;
-    }
-    template <typename T>
-    bool operator()(const T* a, const T* b, T* r) const {
-      r[0] = a[0] * t + b[0] - y;
-      return true;
-    }
-    double t;
-    double y;
-  };
-
-  explicit BoundedLine(bool is_one_block) {
-    double sum_ty = 0.0;
-    double sum_tt = 0.0;
-    for (int i = 0; i < 40; ++i) {
-      const double t = 0.1 * i;
-      const double y = 2.0 * t - 0.5 + 0.05 * std::sin(17.0 * i);
-      sum_ty += t * y;
-      sum_tt += t * t;
-      if (is_one_block) {
-        problem.AddResidualBlock(
-            new ceres::AutoDiffCostFunction<Row, 1, 2>(new Row{t, y}),
-            nullptr,
-            ab);
-      } else {
-        problem.AddResidualBlock(
-            new ceres::AutoDiffCostFunction<Row, 1, 1, 1>(new Row{t, y}),
-            nullptr,
-            ab,
-            ab + 1);
-      }
-    }
-    slope = sum_ty / sum_tt;
-    double* block = is_one_block ? ab : ab + 1;
-    problem.SetParameterLowerBound(block, is_one_block ? 1 : 0, 0.0);
-    problem.SetParameterUpperBound(block, is_one_block ? 1 : 0, 5.0);
-  }
-
-  double ab[2] = {1.0, 0.0};
-  double slope;
-  ceres::Problem problem;
-};
-
-TEST(BoundedMinimization, EndsAtTheMinimumWithinTheBounds) {
-  for (const char* text : {"ceres_lm:linear_solver=dense_qr",
-                           "ceres_dogleg",
-                           "ceres_lm+geodesic",
-                           "ceres_lm+half_inverse"}) {
-    for (const bool is_one_block : {true, false}) {
-      SCOPED_TRACE(text);
-      SCOPED_TRACE(is_one_block);
-      BoundedLine line(is_one_block);
-      MinimizerOptions options;
-      options.max_num_iterations = 1000;
-      options.function_tolerance = 1e-14;
-      MinimizerSummary summary;
-      std::string error;
-      ASSERT_TRUE(MinimizeProblem(
-          ParseMethod(text), options, nullptr, &line.problem, &summary, &error))
-          << error;
-      EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-      EXPECT_NEAR(line.ab[0], line.slope, 1e-6);
-      EXPECT_EQ(line.ab[1], 0.0);
-      double cost = 0.0;
-      line.problem.Evaluate({}, &cost, nullptr, nullptr, nullptr);
-      EXPECT_NEAR(summary.final_cost, cost, 1e-12);
-      for (int k = 0; k <= summary.num_steps(); ++k) {
-        EXPECT_EQ(summary.iterations[k].iteration, k);
-      }
-      EXPECT_EQ(line.problem.GetManifold(line.ab), nullptr);
-    }
-  }
-}
-
-TEST(BoundedMinimization, MayHoldAllComponents) {
-  BoundedLine line(true);
-  const Method method = ParseMethod("ceres_lm:linear_solver=dense_qr");
-  MinimizerOptions options;
-  MinimizerSummary summary;
-  std::string error;
-  line.problem.SetParameterUpperBound(line.ab, 0, 1.0);
-  line.problem.SetParameterLowerBound(line.ab, 1, 1.5);
-  line.ab[1] = 1.5;
-  ASSERT_TRUE(MinimizeProblem(
-      method, options, nullptr, &line.problem, &summary, &error))
-      << error;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(line.ab[0], 1.0);
-  EXPECT_EQ(line.ab[1], 1.5);
 }
 
 }  // namespace method_minimization_test

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "fmt/core.h"
@@ -19,7 +21,7 @@
 namespace invgrad {
 
 // What several solves share.
-class UpdateCallback::State final : public ceres::IterationCallback {
+class UpdateCallback::State {
  public:
   State(const Options& options, Proposer proposer, ceres::Problem* problem)
       : options_(Resolved(options)),
@@ -52,8 +54,8 @@ class UpdateCallback::State final : public ceres::IterationCallback {
       staged_->Unwrap();
       return;
     }
-    users_[options] = *options;
-    last_ = options;
+    auto& entry = entries_[TolerancesOf(*options)];
+    if (entry == nullptr) entry = std::make_unique<Entry>(this, *options);
     staged_->Clear();
     staged_->Wrap();
     bounds_.emplace(*problem_, linearizer_.structure());
@@ -65,12 +67,12 @@ class UpdateCallback::State final : public ceres::IterationCallback {
                    &linearizer_,
                    &*staged_,
                    options);
-    options->callbacks.push_back(this);
+    options->callbacks.push_back(entry.get());
     options->update_state_every_iteration = true;
   }
 
   ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
+      const ceres::IterationSummary& iteration) {
     if (iteration.iteration == 0 && has_begun_) {
       summary_.message =
           "call UpdateCallback::AddTo before each solve, again for a second "
@@ -107,25 +109,55 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     return options;
   }
 
-  // Takes back what an earlier AddTo did to these options.
+  // What SolveWithProposals changes in the options.
+  using Tolerances = std::tuple<double, double, double, int>;
+  static Tolerances TolerancesOf(const ceres::Solver::Options& options) {
+    return {options.function_tolerance,
+            options.gradient_tolerance,
+            options.parameter_tolerance,
+            options.max_num_line_search_step_size_iterations};
+  }
+
+  // What stands among the options' callbacks, those of copies, too: it knows
+  // what AddTo has changed there.
+  class Entry final : public ceres::IterationCallback {
+   public:
+    Entry(State* state, const ceres::Solver::Options& options)
+        : state_(*state), tolerances_(TolerancesOf(options)) {}
+
+    ceres::CallbackReturnType operator()(
+        const ceres::IterationSummary& iteration) override {
+      return state_(iteration);
+    }
+
+    void Restore(ceres::Solver::Options* options) const {
+      const auto restore = [](auto value, auto* option) {
+        if (*option == 0) *option = value;
+      };
+      const auto& [function, gradient, parameter, line_search] = tolerances_;
+      restore(function, &options->function_tolerance);
+      restore(gradient, &options->gradient_tolerance);
+      restore(parameter, &options->parameter_tolerance);
+      restore(line_search, &options->max_num_line_search_step_size_iterations);
+    }
+
+   private:
+    State& state_;
+    const Tolerances tolerances_;
+  };
+
+  // Takes back what an earlier AddTo did to these options, or to those that they
+  // are a copy of.
   void Remove(ceres::Solver::Options* options) {
-    const auto mine =
-        std::find(options->callbacks.begin(), options->callbacks.end(), this);
-    if (mine == options->callbacks.end()) return;
-    options->callbacks.erase(mine);
-    // A copy of options that AddTo has changed has no entry.
-    auto found = users_.find(options);
-    if (found == users_.end()) found = users_.find(last_);
-    if (found == users_.end()) return;  // of another callback at this address
-    const ceres::Solver::Options& users = found->second;
-    const auto restore = [](auto value, auto* option) {
-      if (*option == 0) *option = value;
-    };
-    restore(users.function_tolerance, &options->function_tolerance);
-    restore(users.gradient_tolerance, &options->gradient_tolerance);
-    restore(users.parameter_tolerance, &options->parameter_tolerance);
-    restore(users.max_num_line_search_step_size_iterations,
-            &options->max_num_line_search_step_size_iterations);
+    auto& callbacks = options->callbacks;
+    for (const auto& [tolerances, entry] : entries_) {
+      const auto found =
+          std::find(callbacks.begin(), callbacks.end(), entry.get());
+      if (found == callbacks.end()) continue;
+      callbacks.erase(found);
+      entry->Restore(options);
+      return;
+    }
   }
 
   const Options options_;
@@ -134,9 +166,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   ProblemLinearizer linearizer_;
   std::optional<Bounds> bounds_;  // at the last AddTo
   std::optional<StagedStep> staged_;
-  // What AddTo has changed, by the options' address, and the last of these.
-  std::map<const ceres::Solver::Options*, ceres::Solver::Options> users_;
-  const ceres::Solver::Options* last_ = nullptr;
+  std::map<Tolerances, std::unique_ptr<Entry>> entries_;
   std::optional<SolveWithProposals> solve_;  // none: no proposals
   bool has_begun_ = false;                   // solve_
   Summary summary_;                          // without solve_

@@ -209,7 +209,7 @@ namespace {
 bool MinimizePhase(
     const Phase& phase,
     const MinimizerOptions& options,
-    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
+    const std::shared_ptr<ceres::ParameterBlockOrdering>& elimination_order,
     const ProposalFunction& function,
     ceres::Problem* problem,
     MinimizerSummary* summary,
@@ -219,8 +219,11 @@ bool MinimizePhase(
       !TakesProposals(phase, *problem, error)) {
     return false;
   }
-  if (ceres::IsSchurType(solver_options.linear_solver_type)) {
-    solver_options.linear_solver_ordering = std::move(elimination_order);
+  if (elimination_order != nullptr &&
+      ceres::IsSchurType(solver_options.linear_solver_type)) {
+    // A copy, because Ceres removes constant blocks from it.
+    solver_options.linear_solver_ordering =
+        std::make_shared<ceres::ParameterBlockOrdering>(*elimination_order);
   }
   UpdateCallback::Options callback_options;
   callback_options.block_name = options.block_name;
@@ -257,7 +260,7 @@ bool MinimizeProblem(
   }
   return MinimizePhase(phase,
                        options,
-                       std::move(elimination_order),
+                       elimination_order,
                        /*function=*/nullptr,
                        problem,
                        summary,

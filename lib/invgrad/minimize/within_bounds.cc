@@ -1,12 +1,16 @@
 #include "invgrad/minimize/within_bounds.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "ceres/crs_matrix.h"
 #include "ceres/manifold.h"
 #include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/copy_problem.h"
@@ -19,9 +23,28 @@ namespace {
 // The held components of each block that has some.
 using HeldComponents = std::map<double*, std::vector<int>>;
 
-HeldComponents FindHeld(const ProblemStructure& structure,
-                        double gradient_tolerance,
-                        ceres::Problem* problem) {
+// A component that a bound stops.
+struct Stopped {
+  double* block;
+  int index;
+  double start;     // x_i
+  double step;      // -g_i / d_i
+  double bound;     // that the step reaches
+  bool is_outward;  // |g_i| exceeds the gradient tolerance
+
+  double& value() const { return block[index]; }
+  void MoveBy(double t) const {
+    const double moved = start + t * step;
+    value() = step < 0.0 ? std::max(moved, bound) : std::min(moved, bound);
+  }
+};
+
+// False if the problem cannot be evaluated.
+bool FindStopped(const ProblemStructure& structure,
+                 double gradient_tolerance,
+                 ceres::Problem* problem,
+                 double* cost,
+                 std::vector<Stopped>* stopped) {
   ceres::Problem::EvaluateOptions options;
   for (const auto& block : structure.parameter_blocks) {
     if (block.manifold == nullptr) {
@@ -29,20 +52,68 @@ HeldComponents FindHeld(const ProblemStructure& structure,
     }
   }
   std::vector<double> gradient;
+  ceres::CRSMatrix jacobian;
   if (options.parameter_blocks.empty() ||
-      !problem->Evaluate(options, nullptr, nullptr, &gradient, nullptr)) {
-    return {};
+      !problem->Evaluate(options, cost, nullptr, &gradient, &jacobian)) {
+    return false;
   }
-  HeldComponents held;
-  const double* g = gradient.data();
+  std::vector<double> squares(gradient.size(), 0.0);
+  for (std::size_t k = 0; k < jacobian.values.size(); ++k) {
+    squares[jacobian.cols[k]] += jacobian.values[k] * jacobian.values[k];
+  }
+  std::size_t column = 0;
   for (double* values : options.parameter_blocks) {
-    for (int i = 0; i < problem->ParameterBlockSize(values); ++i, ++g) {
-      if ((values[i] <= problem->GetParameterLowerBound(values, i) &&
-           *g > gradient_tolerance) ||
-          (values[i] >= problem->GetParameterUpperBound(values, i) &&
-           *g < -gradient_tolerance)) {
-        held[values].push_back(i);
-      }
+    for (int i = 0; i < problem->ParameterBlockSize(values); ++i, ++column) {
+      const double g = gradient[column];
+      if (g == 0.0 || squares[column] == 0.0) continue;
+      const double step = -g / squares[column];
+      const double bound = step < 0.0
+                               ? problem->GetParameterLowerBound(values, i)
+                               : problem->GetParameterUpperBound(values, i);
+      const double end = values[i] + step;
+      if (step < 0.0 ? end > bound : end < bound) continue;
+      stopped->push_back({values,
+                          i,
+                          values[i],
+                          step,
+                          bound,
+                          std::abs(g) > gradient_tolerance});
+    }
+  }
+  return true;
+}
+
+double Cost(ceres::Problem* problem) {
+  double cost;
+  return problem->Evaluate({}, &cost, nullptr, nullptr, nullptr)
+             ? cost
+             : std::numeric_limits<double>::infinity();
+}
+
+// The step of the stopped components. Returns what is left of the cost.
+double ProjectedStep(const std::vector<Stopped>& stopped,
+                     double cost,
+                     ceres::Problem* problem) {
+  constexpr double kLeastStep = 1e-6;
+  if (std::all_of(stopped.begin(), stopped.end(), [](const auto& component) {
+        return component.start == component.bound;
+      })) {
+    return cost;
+  }
+  for (double t = 1.0; t > kLeastStep; t *= 0.5) {
+    for (const Stopped& component : stopped) component.MoveBy(t);
+    const double new_cost = Cost(problem);
+    if (new_cost <= cost) return new_cost;
+  }
+  for (const Stopped& component : stopped) component.value() = component.start;
+  return cost;
+}
+
+HeldComponents FindHeld(const std::vector<Stopped>& stopped) {
+  HeldComponents held;
+  for (const Stopped& component : stopped) {
+    if (component.is_outward && component.value() == component.bound) {
+      held[component.block].push_back(component.index);
     }
   }
   return held;
@@ -69,7 +140,7 @@ void Append(const MinimizerSummary& next, MinimizerSummary* summary) {
 
 // Solves for all components but those that are held.
 void SolveForOthers(const MinimizerOptions& options,
-                    const ceres::Solver::Options& ceres_options,
+                    ceres::Solver::Options ceres_options,
                     const HeldComponents& held,
                     ProblemStructure structure,
                     const ceres::Problem& problem,
@@ -90,6 +161,10 @@ void SolveForOthers(const MinimizerOptions& options,
   ceres::Problem copy =
       CopyProblem(problem, structure, options.evaluation_callback);
   for (double* values : constant) copy.SetParameterBlockConstant(values);
+  // Ceres removes constant blocks from the ordering.
+  if (auto& ordering = ceres_options.linear_solver_ordering) {
+    ordering = std::make_shared<ceres::ParameterBlockOrdering>(*ordering);
+  }
   MinimizerOptions rest = options;
   rest.max_num_iterations =
       std::max(0, options.max_num_iterations - summary->num_steps());
@@ -106,20 +181,37 @@ void GoOnWithinBounds(const MinimizerOptions& options,
                       const ceres::Solver::Options& ceres_options,
                       ceres::Problem* problem,
                       MinimizerSummary* summary) {
-  constexpr int kMaxSolves = 10;
   const ProblemStructure structure = ReadStructure(*problem, {});
   if (!Bounds(*problem, structure).any()) return;
   HeldComponents held;
-  for (int k = 0; summary->termination_type == ceres::CONVERGENCE; ++k) {
-    HeldComponents now =
-        FindHeld(structure, options.gradient_tolerance, problem);
-    if (now == held) return;
-    if (k == kMaxSolves) {
-      summary->termination_type = ceres::NO_CONVERGENCE;
-      summary->message = std::string(kNoMinimumWithinBounds) + ". " +
-                         "The components at bounds change from solve to solve.";
+  std::map<HeldComponents, double> costs;  // before the last solve with these
+  while (summary->termination_type == ceres::CONVERGENCE) {
+    double cost;
+    std::vector<Stopped> stopped;
+    if (!FindStopped(
+            structure, options.gradient_tolerance, problem, &cost, &stopped)) {
       return;
     }
+    const double new_cost = ProjectedStep(stopped, cost, problem);
+    const double least_decrease = options.function_tolerance * cost;
+    HeldComponents now = FindHeld(stopped);
+    if (costs.empty()) costs[held] = cost;
+    const auto last = costs.find(now);
+    if (last != costs.end() && last->second - new_cost <= least_decrease) {
+      if (now == held) {
+        for (const Stopped& component : stopped) {
+          component.value() = component.start;
+        }
+      } else {
+        summary->termination_type = ceres::NO_CONVERGENCE;
+        summary->message =
+            std::string(kNoMinimumWithinBounds) +
+            ". The components at bounds change from solve to solve, and the "
+            "cost falls by less than the function tolerance.";
+      }
+      return;
+    }
+    costs[now] = new_cost;
     held = std::move(now);
     SolveForOthers(options, ceres_options, held, structure, *problem, summary);
   }

@@ -2,18 +2,28 @@
 //
 // Ceres solves for a step as if there were no bounds, and projects it onto
 // them. The projected step may lower the cost by less than a tolerance far from
-// the minimum. So the components that the gradient pushes against their bounds
-// are held constant, and Ceres solves for the others, until these components
-// are the same at the end of a solve:
+// the minimum. So, after each solve, the components that a bound stops take a
+// step of their own,
 //
-//   held_i: x_i = lower_i and dL/dx_i > 0, or x_i = upper_i and dL/dx_i < 0
+//   x_i(t) = P(x_i - t g_i / d_i),   g = dL/dx,   d_i = (J^T J)_ii
+//
+// with the first t = 1, 1/2, 1/4, ... that does not raise the cost. A bound
+// stops x_i if x_i(1) is on it. Those that are then at their bounds, and that g
+// pushes outwards, are held constant, and Ceres solves for the others, until
+// such a solve with the same components lowers the cost by less than the function
+// tolerance.
 //
 // Components of blocks with a manifold are not held.
 //
-// Cost:    one gradient, if the problem has bounds; one solve for each change
-//          of the held components, within the budget of all.
-// Fails:   after 10 solves the summary says NO_CONVERGENCE, with a message that
-//          begins with kNoMinimumWithinBounds.
+// Source:  J. More, G. Toraldo, "On the solution of large quadratic programming
+//          problems with bound constraints", SIAM J. Optim. 1 (1991): gradient
+//          projection and a solve on the face, in turns.
+// Cost:    one Jacobian, if the problem has bounds; then for each solve a
+//          Jacobian and some costs, within the budget of all.
+// Fails:   the summary says NO_CONVERGENCE, with a message that begins with
+//          kNoMinimumWithinBounds, if the same components are held again at no
+//          lower cost. Without MinimizerOptions::evaluation_callback, cost
+//          functions that need one do not move, which is not noticed.
 #ifndef INVGRAD_MINIMIZE_WITHIN_BOUNDS_H_
 #define INVGRAD_MINIMIZE_WITHIN_BOUNDS_H_
 
