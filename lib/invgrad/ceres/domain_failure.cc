@@ -230,18 +230,6 @@ class DomainSearch {
   std::vector<double*> pointers_;
 };
 
-DomainFailure FailureOfPlus(const DomainFailure::Options& options,
-                            const ProblemStructure& structure,
-                            int block) {
-  DomainFailure failure;
-  failure.reason = Reason::kPlus;
-  DomainFailure::Parameter parameter;
-  parameter.block = block;
-  parameter.name = BlockName(options, structure, block);
-  failure.parameters.push_back(std::move(parameter));
-  return failure;
-}
-
 // Records the first step of a solve.
 class FirstStep final : public ceres::IterationCallback {
  public:
@@ -285,27 +273,20 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
                         const Eigen::VectorXd& step,
                         DomainFailure* failure) {
   CHECK(failure != nullptr);
-  CHECK_EQ(step.size(), structure.num_parameters);
-  const Eigen::VectorXd good = structure.State();
-  Eigen::VectorXd bad = good;
-  int num_failing_blocks = 0;
-  for (std::size_t b = 0; b < structure.parameter_blocks.size(); ++b) {
-    const auto& block = structure.parameter_blocks[b];
-    if (block.manifold == nullptr) {
-      bad.segment(block.offset, block.ambient_size) +=
-          step.segment(block.column, block.tangent_size);
-    } else if (!block.manifold->Plus(block.values,
-                                     step.data() + block.column,
-                                     bad.data() + block.offset) &&
-               num_failing_blocks++ == 0) {
-      *failure = FailureOfPlus(options, structure, static_cast<int>(b));
-    }
+  Eigen::VectorXd bad;
+  const std::vector<int> failing = structure.Plus(step, &bad);
+  if (failing.empty()) {
+    return ExplainDomainFailure(
+        options, structure, structure.State(), bad, failure);
   }
-  if (num_failing_blocks > 0) {
-    failure->num_failing_blocks = num_failing_blocks;
-    return true;
-  }
-  return ExplainDomainFailure(options, structure, good, bad, failure);
+  *failure = DomainFailure();
+  failure->reason = Reason::kPlus;
+  failure->num_failing_blocks = static_cast<int>(failing.size());
+  DomainFailure::Parameter parameter;
+  parameter.block = failing.front();
+  parameter.name = BlockName(options, structure, parameter.block);
+  failure->parameters.push_back(std::move(parameter));
+  return true;
 }
 
 bool ExplainInvalidStart(const DomainFailure::Options& options,

@@ -208,18 +208,8 @@ bool ProblemLinearizer::Cost(double* cost, std::string* error) const {
 }
 
 bool ProblemLinearizer::Plus(const Eigen::VectorXd& step) {
-  CHECK_EQ(step.size(), structure_.num_parameters);
-  Eigen::VectorXd state = State();
-  for (const ParameterBlock& block : structure_.parameter_blocks) {
-    if (block.manifold == nullptr) {
-      state.segment(block.offset, block.ambient_size) +=
-          step.segment(block.column, block.tangent_size);
-    } else if (!block.manifold->Plus(block.values,
-                                     step.data() + block.column,
-                                     state.data() + block.offset)) {
-      return false;
-    }
-  }
+  Eigen::VectorXd state;
+  if (!structure_.Plus(step, &state).empty()) return false;
   SetState(state);
   return true;
 }

@@ -130,6 +130,25 @@ void ProblemStructure::SetState(const Eigen::VectorXd& state) const {
   }
 }
 
+std::vector<int> ProblemStructure::Plus(const Eigen::VectorXd& step,
+                                        Eigen::VectorXd* state) const {
+  CHECK_EQ(step.size(), num_parameters);
+  std::vector<int> failing;
+  *state = State();
+  for (std::size_t b = 0; b < parameter_blocks.size(); ++b) {
+    const ParameterBlock& block = parameter_blocks[b];
+    if (block.manifold == nullptr) {
+      state->segment(block.offset, block.ambient_size) +=
+          step.segment(block.column, block.tangent_size);
+    } else if (!block.manifold->Plus(block.values,
+                                     step.data() + block.column,
+                                     state->data() + block.offset)) {
+      failing.push_back(static_cast<int>(b));
+    }
+  }
+  return failing;
+}
+
 std::shared_ptr<SparseJacobian> ProblemStructure::NewJacobian() const {
   std::int64_t num_entries = 0;
   for (const ResidualBlock& block : residual_blocks) {

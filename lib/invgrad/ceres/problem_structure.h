@@ -63,6 +63,10 @@ struct ProblemStructure {
   // The values of parameter_blocks, one after the other.
   Eigen::VectorXd State() const;
   void SetState(const Eigen::VectorXd& state) const;
+  // The state after a tangent step (n), each block by the Plus of its manifold.
+  // Changes no block. Returns the blocks whose Plus fails, in their order.
+  std::vector<int> Plus(const Eigen::VectorXd& step,
+                        Eigen::VectorXd* state) const;
 
   // m x n, with the pattern of J and unspecified entries. CHECKs that the
   // number of entries fits an int.
