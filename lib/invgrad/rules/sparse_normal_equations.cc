@@ -187,24 +187,28 @@ class SparseNormalEquations final : public DampedNormalEquations {
     return factor_.Analyze(&view, Order(pairs), error);
   }
 
+  // visit(column block, row block) for the parts of S that the panel of block b
+  // changes, in the order in which CopyRest and Eliminate use them.
+  template <typename Visit>
+  void VisitParts(int b, const Visit& visit) const {
+    const Block& block = gram_.blocks()[b];
+    const int* const rows = gram_.row_blocks().data() + block.first_row_block;
+    if (b >= gram_.num_independent()) {
+      for (int k = 0; k < block.num_row_blocks; ++k) visit(b, rows[k]);
+      return;
+    }
+    for (int k = 1; k < block.num_row_blocks; ++k) {
+      for (int l = k; l < block.num_row_blocks; ++l) visit(rows[k], rows[l]);
+    }
+  }
+
   // The blocks of S that are not zero: column block, row block; sorted.
   Pairs RestPairs() const {
-    const std::vector<int>& row_blocks = gram_.row_blocks();
     Pairs pairs;
     for (int b = 0; b < static_cast<int>(gram_.blocks().size()); ++b) {
-      const Block& block = gram_.blocks()[b];
-      const int* const rows = row_blocks.data() + block.first_row_block;
-      if (b >= gram_.num_independent()) {
-        for (int k = 0; k < block.num_row_blocks; ++k) {
-          pairs.emplace_back(b, rows[k]);
-        }
-        continue;
-      }
-      for (int k = 1; k < block.num_row_blocks; ++k) {
-        for (int l = k; l < block.num_row_blocks; ++l) {
-          pairs.emplace_back(rows[k], rows[l]);
-        }
-      }
+      VisitParts(b, [&pairs](int column_block, int row_block) {
+        pairs.emplace_back(column_block, row_block);
+      });
     }
     std::sort(pairs.begin(), pairs.end());
     pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
@@ -253,7 +257,6 @@ class SparseNormalEquations final : public DampedNormalEquations {
     std::copy(inner.begin(), inner.end(), rest_.innerIndexPtr());
   }
 
-  // In the order in which CopyRest and Eliminate use them.
   void FindParts(const Pairs& pairs) {
     const auto part = [&](int column_block, int row_block) {
       const auto at = std::lower_bound(
@@ -263,20 +266,10 @@ class SparseNormalEquations final : public DampedNormalEquations {
     parts_of_panels_.clear();
     first_parts_.clear();
     for (int b = 0; b < static_cast<int>(gram_.blocks().size()); ++b) {
-      const Block& block = gram_.blocks()[b];
-      const int* const rows = gram_.row_blocks().data() + block.first_row_block;
       first_parts_.push_back(static_cast<int>(parts_of_panels_.size()));
-      if (b >= gram_.num_independent()) {
-        for (int k = 0; k < block.num_row_blocks; ++k) {
-          parts_of_panels_.push_back(part(b, rows[k]));
-        }
-        continue;
-      }
-      for (int k = 1; k < block.num_row_blocks; ++k) {
-        for (int l = k; l < block.num_row_blocks; ++l) {
-          parts_of_panels_.push_back(part(rows[k], rows[l]));
-        }
-      }
+      VisitParts(b, [&](int column_block, int row_block) {
+        parts_of_panels_.push_back(part(column_block, row_block));
+      });
     }
   }
 
