@@ -173,13 +173,10 @@ double Safeguard::PredictedDecrease() const {
             Eigen::Map<const Eigen::VectorXd>(block.values, block.ambient_size)
                 .norm());
   }
-  const double decrease =
-      RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
-          R, r.head(n), x, squared_norm);
-  const double least = std::max({kLeastModelDecrease,
-                                 10.0 * options_.function_tolerance,
-                                 options_.parameter_tolerance});
-  return decrease > least ? decrease : 0.0;
+  return RelativeModelDecrease<ceres::Solver::Options,
+                               Eigen::MatrixXd,
+                               Eigen::VectorXd>(
+      options_, R, r.head(n), x, squared_norm);
 }
 
 // Ceres' gradient is x - Plus(x, -gradient), which a Plus that wraps angles

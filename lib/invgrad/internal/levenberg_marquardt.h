@@ -117,12 +117,10 @@ double PredictedDecrease(const FitOptions& options,
                          const GramRoot<N>& root,
                          const typename GramRoot<N>::Vector& x) {
   // There are no degrees of freedom.
-  if (root.num_rows <= N) return 0.0;
-  const double decrease =
-      RelativeModelDecrease(root.R, root.c, x, root.squared_norm());
-  const double least =
-      std::max(10.0 * options.function_tolerance, options.parameter_tolerance);
-  return decrease > least ? decrease : 0.0;
+  return root.num_rows <= N
+             ? 0.0
+             : RelativeModelDecrease(
+                   options, root.R, root.c, x, root.squared_norm());
 }
 
 // Rank, covariance and residual variance at the state of `root`.

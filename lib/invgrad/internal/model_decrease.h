@@ -9,9 +9,10 @@
 // the step, which Ceres has, too, can be met far from one: where a parameter has
 // made its own column short, or the trust region is small.
 //
-//   double decrease = RelativeModelDecrease(R, c, x, squared_norm);
-//   bool is_minimum = decrease <= kLeastModelDecrease;
+//   double decrease = RelativeModelDecrease(options, R, c, x, squared_norm);
+//   bool is_minimum = decrease == 0.0;
 //
+// A decrease that the tolerances of the options allow, or 1e-5, counts as none.
 // A step that changes each r by less than 1e-8 of what the parameters themselves
 // do, |U^T c| <= 1e-8 |D x|, counts as none: where r vanishes, its direction is
 // that of rounding errors.
@@ -29,19 +30,22 @@
 
 namespace invgrad {
 
-constexpr double kLeastModelDecrease = 1e-5;
-
-template <typename Matrix, typename Vector>
-double RelativeModelDecrease(const Matrix& R,
+template <typename Options, typename Matrix, typename Vector>
+double RelativeModelDecrease(const Options& options,
+                             const Matrix& R,
                              const Vector& c,
                              const Vector& x,
-                             double squared_norm,
-                             double threshold = 1e-7) {
+                             double squared_norm) {
+  constexpr double kLeastDecrease = 1e-5;
   constexpr double kLeastStep = 1e-8;
+  constexpr double kThreshold = 1e-7;
   Matrix A = R.template triangularView<Eigen::Upper>();
   const Vector lengths = A.colwise().norm().transpose();
   const double least =
-      std::max(kLeastModelDecrease * squared_norm,
+      std::max(std::max({kLeastDecrease,
+                         10.0 * options.function_tolerance,
+                         options.parameter_tolerance}) *
+                   squared_norm,
                kLeastStep * kLeastStep * lengths.cwiseProduct(x).squaredNorm());
   if (!(c.squaredNorm() > least)) return 0.0;
   for (Eigen::Index j = 0; j < A.cols(); ++j) {
@@ -50,7 +54,7 @@ double RelativeModelDecrease(const Matrix& R,
   const Eigen::JacobiSVD<Matrix> svd(A, Eigen::ComputeFullU);
   double decrease = 0.0;
   for (Eigen::Index i = 0; i < c.size(); ++i) {
-    if (svd.singularValues()[i] <= threshold * svd.singularValues()[0]) break;
+    if (svd.singularValues()[i] <= kThreshold * svd.singularValues()[0]) break;
     decrease += std::pow(svd.matrixU().col(i).dot(c), 2);
   }
   return decrease > least ? decrease / squared_norm : 0.0;
