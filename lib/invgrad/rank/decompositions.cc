@@ -17,21 +17,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-lapack_int Int(Index size) { return static_cast<lapack_int>(size); }
-lapack_int LeadingDimension(const MatrixXd& A) {
-  return Int(std::max<Index>(A.rows(), 1));
-}
-
-VectorXd QrInPlace(MatrixXd* A) {
-  VectorXd tau(std::min(A->rows(), A->cols()));
-  CHECK_EQ(LAPACKE_dgeqrf(LAPACK_COL_MAJOR,
-                          Int(A->rows()),
-                          Int(A->cols()),
-                          A->data(),
-                          LeadingDimension(*A),
-                          tau.data()),
-           0);
-  return tau;
+// LAPACK's leading dimension, also of an empty matrix.
+lapack_int StrideOf(const MatrixXd& A) {
+  return static_cast<lapack_int>(std::max<Index>(A.rows(), 1));
 }
 
 }  // namespace
@@ -52,14 +40,14 @@ RightSvd ComputeRightSvd(MatrixXd A) {
 
 MatrixXd Orthonormalized(MatrixXd X) {
   CHECK_GE(X.rows(), X.cols());
-  const VectorXd tau = QrInPlace(&X);
-  CHECK_EQ(LAPACKE_dorgqr(LAPACK_COL_MAJOR,
-                          Int(X.rows()),
-                          Int(X.cols()),
-                          Int(X.cols()),
-                          X.data(),
-                          LeadingDimension(X),
-                          tau.data()),
+  const auto m = static_cast<lapack_int>(X.rows());
+  const auto n = static_cast<lapack_int>(X.cols());
+  VectorXd tau(n);
+  CHECK_EQ(
+      LAPACKE_dgeqrf(LAPACK_COL_MAJOR, m, n, X.data(), StrideOf(X), tau.data()),
+      0);
+  CHECK_EQ(LAPACKE_dorgqr(
+               LAPACK_COL_MAJOR, m, n, n, X.data(), StrideOf(X), tau.data()),
            0);
   return X;
 }
@@ -79,11 +67,13 @@ bool Extend(const VectorXd& v, MatrixXd* Q) {
 std::vector<int> PivotOrder(MatrixXd A) {
   std::vector<lapack_int> order(static_cast<std::size_t>(A.cols()), 0);
   VectorXd tau(std::min(A.rows(), A.cols()));
+  const auto m = static_cast<lapack_int>(A.rows());
+  const auto n = static_cast<lapack_int>(A.cols());
   CHECK_EQ(LAPACKE_dgeqp3(LAPACK_COL_MAJOR,
-                          Int(A.rows()),
-                          Int(A.cols()),
+                          m,
+                          n,
                           A.data(),
-                          LeadingDimension(A),
+                          StrideOf(A),
                           order.data(),
                           tau.data()),
            0);
