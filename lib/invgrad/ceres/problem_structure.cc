@@ -1,7 +1,6 @@
 #include "invgrad/ceres/problem_structure.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <limits>
 #include <numeric>
 #include <unordered_map>
@@ -96,6 +95,8 @@ class Reader {
       block.row_length += structure_.parameter_blocks[b].tangent_size;
     }
     structure_.num_residuals += block.size;
+    if (block.row_length > 0) structure_.num_variable_residuals += block.size;
+    structure_.num_entries += std::int64_t{block.size} * block.row_length;
     structure_.residual_blocks.push_back(block);
   }
 
@@ -150,10 +151,6 @@ std::vector<int> ProblemStructure::Plus(const Eigen::VectorXd& step,
 }
 
 std::shared_ptr<SparseJacobian> ProblemStructure::NewJacobian() const {
-  std::int64_t num_entries = 0;
-  for (const ResidualBlock& block : residual_blocks) {
-    num_entries += std::int64_t{block.size} * block.row_length;
-  }
   CHECK_LE(num_entries, std::numeric_limits<int>::max())
       << "J has more entries than a sparse matrix can count.";
   SparseJacobian::Matrix J(num_residuals, num_parameters);

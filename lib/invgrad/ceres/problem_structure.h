@@ -8,6 +8,7 @@
 #ifndef INVGRAD_CERES_PROBLEM_STRUCTURE_H_
 #define INVGRAD_CERES_PROBLEM_STRUCTURE_H_
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -54,6 +55,9 @@ struct ProblemStructure {
   int num_residuals = 0;   // m
   int num_parameters = 0;  // n, tangent space
   int num_ambient = 0;     // length of the state
+  // Of the residual blocks that depend on a parameter that is not constant.
+  int num_variable_residuals = 0;
+  std::int64_t num_entries = 0;  // of J
   std::vector<ParameterBlock> parameter_blocks;
   std::vector<ResidualBlock> residual_blocks;
   std::vector<double*> values;      // of all residual blocks' arguments

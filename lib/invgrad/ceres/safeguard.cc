@@ -27,14 +27,6 @@ ceres::Problem::EvaluateOptions VariableBlocks(
   return options;
 }
 
-int NumVariableResiduals(const ProblemStructure& structure) {
-  int sum = 0;
-  for (const auto& block : structure.residual_blocks) {
-    if (block.row_length > 0) sum += block.size;
-  }
-  return sum;
-}
-
 ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
   ceres::Solver::Options users = *options;
   options->function_tolerance = 0.0;
@@ -150,7 +142,7 @@ double Safeguard::PredictedDecrease() const {
   const ProblemStructure& structure = linearizer_.structure();
   const int n = structure.num_parameters;
   if (has_bounds_ || n == 0 || n > kMaxNumParameters ||
-      NumVariableResiduals(structure) <= n) {
+      structure.num_variable_residuals <= n) {
     return 0.0;
   }
   Linearization at_x;

@@ -47,10 +47,7 @@ WorkLimit::WorkLimit(double max_relative_work,
       has_comparison_(has_comparison) {
   const double rows = structure.num_residuals;
   const double cols = structure.num_parameters;
-  double num_entries = 0.0;
-  for (const auto& block : structure.residual_blocks) {
-    num_entries += 1.0 * block.size * block.row_length;
-  }
+  const auto num_entries = static_cast<double>(structure.num_entries);
   LinearizationParts used = needs;
   used.uses_sparsity &= !IsDense(num_entries, rows, cols);
   step_work_ = StepOperations(used, rows, cols, num_entries);

@@ -32,12 +32,8 @@ bool CeresFitsInMemory(const Phase& phase,
   // that do not depend on them.
   const ProblemStructure structure = ReadStructure(problem, {});
   const double cols = structure.num_parameters;
-  double rows = 0.0;
-  double num_entries = 0.0;
-  for (const auto& block : structure.residual_blocks) {
-    if (block.row_length > 0) rows += block.size;
-    num_entries += 1.0 * block.size * block.row_length;
-  }
+  const double rows = structure.num_variable_residuals;
+  const auto num_entries = static_cast<double>(structure.num_entries);
   // J and its copies in the linear solver, if that stores no zeros.
   std::vector<MemoryPart> parts = {{"J", 3.0 * sizeof(double) * num_entries}};
   if (!phase.ceres->is_trust_region) {
