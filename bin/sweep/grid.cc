@@ -1,32 +1,12 @@
 #include "bin/sweep/grid.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 
 namespace invgrad {
 namespace {
-
-// Without the spaces around it.
-std::string Trimmed(const std::string& text) {
-  constexpr char kSpace[] = " \t\r\n";
-  const size_t begin = text.find_first_not_of(kSpace);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
-}
-
-// The trimmed pieces between the separators.
-std::vector<std::string> Split(const std::string& text, char separator) {
-  std::vector<std::string> pieces;
-  for (size_t begin = 0, end = 0; end < text.size() || pieces.empty();
-       begin = end + 1) {
-    end = std::min(text.find(separator, begin), text.size());
-    pieces.push_back(Trimmed(text.substr(begin, end - begin)));
-  }
-  return pieces;
-}
 
 // True if `choice` is the smallest or the largest of the numbers.
 bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
@@ -52,13 +32,13 @@ struct Piece {
 // The parts of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
 std::vector<Piece> Pieces(const std::string& method) {
   std::vector<Piece> pieces;
-  for (const std::string& phase : Split(method, '>')) {
+  for (const std::string& phase : TrimmedPieces(method, '>')) {
     std::string mark = pieces.empty() ? "" : ">";
-    for (const std::string& part : Split(phase, ':')) {
+    for (const std::string& part : TrimmedPieces(phase, ':')) {
       const size_t equals = part.find('=');
-      Piece piece{mark, Trimmed(part.substr(0, equals)), {}};
+      Piece piece{mark, std::string(Trimmed(part.substr(0, equals))), {}};
       if (equals != std::string::npos) {
-        piece.values = Split(part.substr(equals + 1), '|');
+        piece.values = TrimmedPieces(part.substr(equals + 1), '|');
       }
       pieces.push_back(piece);
       mark = ":";
@@ -82,16 +62,17 @@ bool ParseGrid(const std::string& text, Grid* grid, std::string* error) {
     *error = "--grid: " + message;
     return false;
   };
-  for (const std::string& part : Split(text, ';')) {
+  for (const std::string& part : TrimmedPieces(text, ';')) {
     const size_t equals = part.find('=');
-    GridAxis axis{Trimmed(part.substr(0, equals)), {}};
+    GridAxis axis{std::string(Trimmed(part.substr(0, equals))), {}};
     if (equals == std::string::npos || axis.name.empty()) {
       return refuse("expected an axis, name=value,value, found '" + part + "'");
     }
     if (grid->Find(axis.name) >= 0) {
       return refuse("the axis '" + axis.name + "' is given twice");
     }
-    for (const std::string& value : Split(part.substr(equals + 1), ',')) {
+    for (const std::string& value :
+         TrimmedPieces(part.substr(equals + 1), ',')) {
       if (value.empty()) {
         return refuse("the axis '" + axis.name + "' has an empty value");
       }
@@ -133,14 +114,6 @@ std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
     all = longer;
   }
   return all;
-}
-
-bool ParseFinite(const std::string& text, double* number) {
-  const char* const end = text.data() + text.size();
-  const std::from_chars_result result =
-      std::from_chars(text.data(), end, *number);
-  return result.ec == std::errc() && result.ptr == end &&
-         std::isfinite(*number);
 }
 
 }  // namespace invgrad

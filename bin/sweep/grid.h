@@ -42,9 +42,6 @@ struct RuleAlternative {
 // changing fastest. Does not check the settings.
 std::vector<RuleAlternative> ExpandRule(const std::string& rule);
 
-// True if all of the text is a finite number.
-bool ParseFinite(const std::string& text, double* number);
-
 }  // namespace invgrad
 
 #endif  // BIN_SWEEP_GRID_H_

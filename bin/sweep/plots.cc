@@ -9,6 +9,7 @@
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 
 namespace invgrad {
 namespace {

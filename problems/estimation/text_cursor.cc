@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <system_error>
 
 #include "fmt/core.h"
@@ -17,13 +16,6 @@ constexpr std::string_view kSpace = " \t\r\v\f";
 std::string Quote(std::string_view token) {
   constexpr size_t kMaxSize = 40;
   return "'" + Printable(token, kMaxSize) + "'";
-}
-
-template <typename T>
-bool ParseAll(std::string_view token, T* value) {
-  const char* end = token.data() + token.size();
-  const auto result = std::from_chars(token.data(), end, *value);
-  return result.ec == std::errc() && result.ptr == end;
 }
 
 }  // namespace
@@ -82,7 +74,7 @@ double TextCursor::Number(std::string_view expected) {
 long TextCursor::Integer(std::string_view expected, long min, long max) {
   const std::string_view token = NextToken();
   long value = 0;
-  if (ParseAll(token, &value) && value >= min && value <= max) return value;
+  if (ParseInteger(token, &value) && value >= min && value <= max) return value;
   FailAtToken(
       token,
       min == max
@@ -146,25 +138,15 @@ void TextCursor::FailAtToken(std::string_view token,
   Fail(token.empty() ? what : "found " + Quote(token), expected);
 }
 
-std::string_view Trimmed(std::string_view text) {
-  const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
-  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
-}
-
 bool EndsWith(std::string_view text, std::string_view end) {
   return text.size() >= end.size() &&
          text.substr(text.size() - end.size()) == end;
 }
 
-bool ParseFinite(std::string_view token, double* value) {
-  // std::from_chars rejects a plus sign.
-  const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
-  return ParseAll(token.substr(has_plus ? 1 : 0), value) &&
-         std::isfinite(*value);
-}
-
 bool ParseInteger(std::string_view token, long* value) {
-  return ParseAll(token, value);
+  const char* const end = token.data() + token.size();
+  const auto result = std::from_chars(token.data(), end, *value);
+  return result.ec == std::errc() && result.ptr == end;
 }
 
 }  // namespace invgrad

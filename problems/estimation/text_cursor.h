@@ -80,13 +80,7 @@ class TextCursor {
 // Without the byte-order mark of UTF-8, if it begins with one.
 std::string_view WithoutByteOrderMark(std::string_view text);
 
-// Without the space around it: spaces, tabs and carriage returns.
-std::string_view Trimmed(std::string_view text);
-
 bool EndsWith(std::string_view text, std::string_view end);
-
-// Whether all of the token is a finite number; a plus sign may be in front.
-bool ParseFinite(std::string_view token, double* value);
 
 // Whether all of the token is an integer.
 bool ParseInteger(std::string_view token, long* value);

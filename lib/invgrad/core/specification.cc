@@ -1,34 +1,18 @@
 #include "invgrad/core/specification.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <cstddef>
 #include <map>
 #include <numeric>
+#include <system_error>
 
 #include "fmt/core.h"
 #include "fmt/ranges.h"
 
 namespace invgrad {
 namespace {
-
-std::string Trimmed(const std::string& text) {
-  constexpr char kSpace[] = " \t\r\n";
-  const size_t begin = text.find_first_not_of(kSpace);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kSpace) - begin + 1);
-}
-
-// The trimmed pieces between the separators; one empty piece for "".
-std::vector<std::string> Split(const std::string& text, char separator) {
-  std::vector<std::string> pieces;
-  size_t begin = 0;
-  while (true) {
-    const size_t end = text.find(separator, begin);
-    pieces.push_back(Trimmed(text.substr(begin, end - begin)));
-    if (end == std::string::npos) return pieces;
-    begin = end + 1;
-  }
-}
 
 // Levenshtein's distance: the insertions, deletions and replacements of single
 // characters that turn a into b.
@@ -70,12 +54,38 @@ std::vector<std::string> NearestNames(
 
 }  // namespace
 
+std::string_view Trimmed(std::string_view text) {
+  constexpr std::string_view kSpace = " \t\r\n\v\f";
+  const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
+  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
+}
+
+std::vector<std::string> TrimmedPieces(std::string_view text, char separator) {
+  std::vector<std::string> pieces;
+  while (true) {
+    const size_t end = text.find(separator);
+    pieces.emplace_back(Trimmed(text.substr(0, end)));
+    if (end == std::string_view::npos) return pieces;
+    text.remove_prefix(end + 1);
+  }
+}
+
+bool ParseFinite(std::string_view text, double* value) {
+  // std::from_chars rejects a plus sign.
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') {
+    text.remove_prefix(1);
+  }
+  const char* const end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, *value);
+  return result.ec == std::errc() && result.ptr == end && std::isfinite(*value);
+}
+
 bool ParseSpecifications(const std::string& text,
                          std::vector<Specification>* specifications,
                          std::string* error) {
   std::vector<Specification> result;
-  for (const std::string& part : Split(text, ',')) {
-    const std::vector<std::string> pieces = Split(part, ':');
+  for (const std::string& part : TrimmedPieces(text, ',')) {
+    const std::vector<std::string> pieces = TrimmedPieces(part, ':');
     Specification specification;
     specification.text = part;
     specification.name = pieces[0];
@@ -100,8 +110,8 @@ bool ParseSpecifications(const std::string& text,
         return false;
       }
       specification.settings.emplace_back(
-          Trimmed(pieces[i].substr(0, equals)),
-          Trimmed(pieces[i].substr(equals + 1)));
+          Trimmed(std::string_view(pieces[i]).substr(0, equals)),
+          Trimmed(std::string_view(pieces[i]).substr(equals + 1)));
     }
     result.push_back(std::move(specification));
   }

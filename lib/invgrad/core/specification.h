@@ -1,4 +1,4 @@
-// Messages about names and text that a user has written.
+// Text that a user has written: its parts, and messages about it.
 #ifndef INVGRAD_CORE_SPECIFICATION_H_
 #define INVGRAD_CORE_SPECIFICATION_H_
 
@@ -10,6 +10,15 @@
 #include "invgrad/option_set.h"
 
 namespace invgrad {
+
+// Without the space around it, ends of lines included.
+std::string_view Trimmed(std::string_view text);
+
+// The trimmed text between the separators; one empty piece for "".
+std::vector<std::string> TrimmedPieces(std::string_view text, char separator);
+
+// Whether all of the text is a finite number; a plus sign may be in front.
+bool ParseFinite(std::string_view text, double* value);
 
 // "unknown rule 'adm'; did you mean adam?" names up to three candidates, nearest
 // by edit distance first. If none is near enough to be a misspelling: "unknown
