@@ -6,44 +6,27 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/io/format.h"
+#include "nlohmann/json.hpp"
 
 namespace invgrad {
 namespace {
 
-std::string JsonText(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (code < 0x20 || c == '"' || c == '\\' || c == '<') {
-      quoted += fmt::format("\\u{:04x}", code);
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + '"';
-}
+// Writes null for what is not finite.
+using Json = nlohmann::ordered_json;
 
-// Those at `kept`, four digits; null for what is not finite.
-std::string JsonNumbers(const std::vector<double>& values,
-                        const std::vector<size_t>& kept) {
-  std::string text;
+// Those at `kept`, four digits.
+Json NumbersJson(const std::vector<double>& values,
+                 const std::vector<size_t>& kept) {
+  Json json = Json::array();
   for (const size_t i : kept) {
-    if (!text.empty()) text += ',';
-    text += std::isfinite(values[i]) ? fmt::format("{:.4g}", values[i])
-                                     : std::string("null");
+    double rounded = std::nan("");
+    ParseFinite(fmt::format("{:.4g}", values[i]), &rounded);
+    json.push_back(rounded);
   }
-  return '[' + text + ']';
-}
-
-std::string JsonTicks(const Ticks& ticks) {
-  std::string text;
-  for (const auto& [at, label] : ticks) {
-    text += fmt::format(
-        "{}[{:.10g},{}]", text.empty() ? "" : ",", at, JsonText(label));
-  }
-  return '[' + text + ']';
+  return json;
 }
 
 // The points of a curve that are drawn: the first, the last, and of the others
@@ -70,10 +53,10 @@ std::vector<size_t> KeptPoints(const std::vector<double>& x,
   return kept;
 }
 
-std::string JsonSeries(const Series& series,
-                       bool log_x,
-                       size_t max_points,
-                       const HtmlReport& report) {
+Json SeriesJson(const Series& series,
+                bool log_x,
+                size_t max_points,
+                const HtmlReport& report) {
   CHECK_EQ(series.x.size(), series.y.size()) << series.title;
   const bool is_method = series.color >= 0 &&
                          series.color < static_cast<int>(report.methods.size());
@@ -82,48 +65,38 @@ std::string JsonSeries(const Series& series,
   const std::string& label =
       is_method ? report.methods[series.color].label : series.title;
   const std::vector<size_t> kept = KeptPoints(series.x, log_x, max_points);
-  std::string json = fmt::format(
-      "{{\"method\":{},\"name\":{},\"label\":{},\"lines\":{},\"points\":{},"
-      "\"x\":{},\"y\":{}",
-      is_method ? series.color : -1,
-      JsonText(name),
-      JsonText(label),
-      series.style != Series::Style::kPoints,
-      series.style != Series::Style::kLines,
-      JsonNumbers(series.x, kept),
-      JsonNumbers(series.y, kept));
+  Json json = {{"method", is_method ? series.color : -1},
+               {"name", name},
+               {"label", label},
+               {"lines", series.style != Series::Style::kPoints},
+               {"points", series.style != Series::Style::kLines},
+               {"x", NumbersJson(series.x, kept)},
+               {"y", NumbersJson(series.y, kept)}};
   if (!series.y_low.empty()) {
-    json += ",\"low\":" + JsonNumbers(series.y_low, kept) +
-            ",\"high\":" + JsonNumbers(series.y_high, kept);
+    json["low"] = NumbersJson(series.y_low, kept);
+    json["high"] = NumbersJson(series.y_high, kept);
   }
-  return json + '}';
+  return json;
 }
 
-std::string JsonView(const Plot& view,
-                     bool has_steps,
-                     size_t max_points,
-                     const HtmlReport& report) {
-  std::string series;
+Json ViewJson(const Plot& view,
+              bool has_steps,
+              size_t max_points,
+              const HtmlReport& report) {
+  Json series = Json::array();
   for (const Series& one : view.series) {
-    if (!series.empty()) series += ",\n";
-    series += JsonSeries(one, view.log_x, max_points, report);
+    series.push_back(SeriesJson(one, view.log_x, max_points, report));
   }
-  return fmt::format(
-      "{{\"title\":{},\"x\":{},\"y\":{},\"log_x\":{},\"log_y\":{},"
-      "\"has_steps\":{},\"y_max\":{},\"x_ticks\":{},\"y_ticks\":{},\"series\":["
-      "{}]}}",
-      JsonText(view.title),
-      JsonText(view.x_label),
-      JsonText(view.y_label),
-      view.log_x,
-      view.log_y,
-      has_steps,
-      view.y_range.high.has_value() && std::isfinite(*view.y_range.high)
-          ? fmt::format("{:.5g}", *view.y_range.high)
-          : "null",
-      JsonTicks(view.x_ticks),
-      JsonTicks(view.y_ticks),
-      series);
+  return {{"title", view.title},
+          {"x", view.x_label},
+          {"y", view.y_label},
+          {"log_x", view.log_x},
+          {"log_y", view.log_y},
+          {"has_steps", has_steps},
+          {"y_max", view.y_range.high.value_or(std::nan(""))},
+          {"x_ticks", view.x_ticks},
+          {"y_ticks", view.y_ticks},
+          {"series", series}};
 }
 
 // The place of a value between the ends of the range, in [0, 1]; NaN: none.
@@ -214,17 +187,20 @@ std::string ChartsJson(const HtmlReport& report) {
   }
   const size_t max_points =
       std::clamp(kMaxNumbers / numbers_per_point, kMinPoints, kMaxPoints);
-  std::string json;
+  Json charts = Json::array();
   for (const HtmlReport::Chart& chart : report.charts) {
     if (chart.views.empty()) continue;
-    std::string views;
+    Json& views = charts.emplace_back(Json::array());
     for (const Plot& view : chart.views) {
-      if (!views.empty()) views += ",\n";
-      views += JsonView(view, chart.has_steps, max_points, report);
+      views.push_back(ViewJson(view, chart.has_steps, max_points, report));
     }
-    json += (json.empty() ? "[" : ",[") + views + ']';
   }
-  return '[' + json + ']';
+  std::string text;
+  for (const char c :
+       charts.dump(-1, ' ', false, Json::error_handler_t::replace)) {
+    text += c == '<' ? "\\u003c" : std::string(1, c);
+  }
+  return text;
 }
 
 std::string MapsHtml(const HtmlReport::Maps& maps) {
