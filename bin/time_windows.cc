@@ -63,22 +63,13 @@ TrainingFlags& Training() {
 
 void AddTrainingFlags() {
   TrainingFlags& training = Training();
-  AddFlag("hidden",
-          &training.network.hidden,
-          "widths of the hidden layers of each network, as 20-20-20; empty: "
-          "the problem's own");
+  training.AddShared();
   AddFlag("steps",
           &training.steps,
           "budget of a window in steps; 0: none, or 300 if --seconds is 0");
   AddFlag("seconds",
           &training.seconds,
           "budget of a window in seconds of training; 0: none");
-  AddFlag("cpu_time",
-          &training.cpu_time,
-          "seconds of training are those of the processor, of all threads");
-  AddFlag("threads",
-          &training.threads,
-          "threads over the points; the results do not depend on it");
 }
 
 double RelativeError(const VectorXd& u, const VectorXd& truth) {

@@ -181,11 +181,23 @@ void SetTorchScriptLoader(TorchScriptLoader loader) {
   LoaderOfTorchScript() = std::move(loader);
 }
 
-void TrainingFlags::Add() {
+void TrainingFlags::AddShared() {
   AddFlag("hidden",
           &network.hidden,
           "widths of the network's hidden layers, as 20-20-20; empty: the "
           "problem's own");
+  AddFlag("cpu_time",
+          &cpu_time,
+          "seconds of training are those of the processor, of all threads: "
+          "for a fair comparison on a busy machine");
+  AddFlag("threads",
+          &threads,
+          "threads over the samples of a batch; the results do not depend on "
+          "it");
+}
+
+void TrainingFlags::Add() {
+  AddShared();
   AddFlag("activation",
           &network.activation,
           "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
@@ -203,17 +215,9 @@ void TrainingFlags::Add() {
           &steps,
           "budget in steps; 0: none (of a problem without a network: its own)");
   AddFlag("seconds", &seconds, "budget in seconds of training; 0: none");
-  AddFlag("cpu_time",
-          &cpu_time,
-          "seconds of training are those of the processor, of all threads: "
-          "for a fair comparison on a busy machine");
   AddFlag("batch_size",
           &batch_size,
           "samples a step; 0: all; -1: the problem's own");
-  AddFlag("threads",
-          &threads,
-          "threads over the samples of a batch; the results do not depend on "
-          "it");
   AddFlag("shuffle", &shuffle, "a new order of the samples each epoch");
   AddFlag("checkpoint_seconds",
           &checkpoint_seconds,

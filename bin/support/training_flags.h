@@ -57,8 +57,10 @@ struct TrainingFlags {
   bool shuffle = false;
   double checkpoint_seconds = TrainOptions().checkpoint_interval_in_seconds;
 
-  // Adds a flag for each field, under its name.
+  // Adds a flag for each field, under its name; or only those for the network's
+  // widths, the clock and the threads.
   void Add();
+  void AddShared();
 
   // Returns false, with *error, for a budget or a batch size that is not
   // allowed. SetNetwork checks the network's flags.
