@@ -11,13 +11,6 @@
 namespace invgrad {
 namespace pose_graph_start_test {
 
-PoseGraph Parsed(const std::string& text) {
-  PoseGraph graph;
-  std::string error;
-  EXPECT_TRUE(ParseG2o(text, "f", &graph, &error)) << error;
-  return graph;
-}
-
 Eigen::Vector3d PoseOf(const PoseGraph& graph, long id) {
   for (size_t j = 0; j < graph.ids.size(); ++j) {
     if (graph.ids[j] == id) return graph.poses.col(j);
@@ -31,10 +24,10 @@ const char kSure[] = " 1 0 0 1 0 1\n";
 // A square, walked around to the left, in both directions of its edges.
 TEST(PoseGraphStart, FollowsTheEdges) {
   const PoseGraph graph =
-      Parsed(fmt::format("EDGE_SE2 0 1 1 0 {0}{1}EDGE_SE2 2 1 0 1 -{0}{1}"
-                         "EDGE_SE2 2 3 1 0 {0}{1}",
-                         0.5 * kPi,
-                         kSure));
+      ParsedG2o(fmt::format("EDGE_SE2 0 1 1 0 {0}{1}EDGE_SE2 2 1 0 1 -{0}{1}"
+                            "EDGE_SE2 2 3 1 0 {0}{1}",
+                            0.5 * kPi,
+                            kSure));
   EXPECT_EQ(graph.num_poses_by_edges, 4);
   EXPECT_EQ(PoseOf(graph, 0), Eigen::Vector3d(0.0, 0.0, 0.0));
   EXPECT_LT((PoseOf(graph, 1) - Eigen::Vector3d(1.0, 0.0, 0.5 * kPi)).norm(),
@@ -48,8 +41,8 @@ TEST(PoseGraphStart, FollowsTheEdges) {
 
 TEST(PoseGraphStart, KeepsValuesThatAreThere) {
   const PoseGraph graph =
-      Parsed("EDGE_SE2 3 9 1 0 0" + std::string(kSure) +
-             "VERTEX_SE2 9 5 6 0\nEDGE_SE2 9 4 0 2 0" + kSure);
+      ParsedG2o("EDGE_SE2 3 9 1 0 0" + std::string(kSure) +
+                "VERTEX_SE2 9 5 6 0\nEDGE_SE2 9 4 0 2 0" + kSure);
   EXPECT_EQ(graph.ids, (std::vector<long>{9, 3, 4}));
   EXPECT_EQ(graph.num_poses_by_edges, 2);
   EXPECT_EQ(PoseOf(graph, 9), Eigen::Vector3d(5.0, 6.0, 0.0));
@@ -60,22 +53,22 @@ TEST(PoseGraphStart, KeepsValuesThatAreThere) {
 // The edge that knows x only leads straight to pose 2.
 TEST(PoseGraphStart, PrefersEdgesThatKnowEverything) {
   const PoseGraph graph =
-      Parsed("EDGE_SE2 0 2 7 0 0 400 0 0 0 0 0\nEDGE_SE2 0 1 1 2 0" +
-             std::string(kSure) + "EDGE_SE2 1 2 1 0 0" + kSure);
+      ParsedG2o("EDGE_SE2 0 2 7 0 0 400 0 0 0 0 0\nEDGE_SE2 0 1 1 2 0" +
+                std::string(kSure) + "EDGE_SE2 1 2 1 0 0" + kSure);
   EXPECT_EQ(PoseOf(graph, 2), Eigen::Vector3d(2.0, 2.0, 0.0));
 }
 
 TEST(PoseGraphStart, PrefersShortPaths) {
   const PoseGraph graph =
-      Parsed("EDGE_SE2 0 1 1 0 0" + std::string(kSure) + "EDGE_SE2 1 2 1 0 0" +
-             kSure + "EDGE_SE2 0 2 2.5 0 0" + kSure);
+      ParsedG2o("EDGE_SE2 0 1 1 0 0" + std::string(kSure) +
+                "EDGE_SE2 1 2 1 0 0" + kSure + "EDGE_SE2 0 2 2.5 0 0" + kSure);
   EXPECT_EQ(PoseOf(graph, 2), Eigen::Vector3d(2.5, 0.0, 0.0));
 }
 
 TEST(PoseGraphStart, PartsWithoutValuesBeginAtAPriorOrAtTheOrigin) {
-  const PoseGraph graph =
-      Parsed("EDGE_SE2 0 1 1 0 0" + std::string(kSure) + "EDGE_SE2 5 6 1 0 0" +
-             kSure + "EDGE_PRIOR_SE2 6 3 4 0" + kSure);
+  const PoseGraph graph = ParsedG2o("EDGE_SE2 0 1 1 0 0" + std::string(kSure) +
+                                    "EDGE_SE2 5 6 1 0 0" + kSure +
+                                    "EDGE_PRIOR_SE2 6 3 4 0" + kSure);
   EXPECT_EQ(PoseOf(graph, 1), Eigen::Vector3d(1.0, 0.0, 0.0));
   EXPECT_EQ(PoseOf(graph, 6), Eigen::Vector3d(3.0, 4.0, 0.0));
   EXPECT_EQ(PoseOf(graph, 5), Eigen::Vector3d(2.0, 4.0, 0.0));
@@ -85,7 +78,7 @@ TEST(PoseGraphStart, PartsWithoutValuesBeginAtAPriorOrAtTheOrigin) {
 // ahead of the second: both poses and the landmark in the world.
 TEST(PoseGraphStart, SensorsAreOnThePoses) {
   const std::string sure = " 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
-  const PoseGraph graph = Parsed(
+  const PoseGraph graph = ParsedG2o(
       "PARAMS_SE3OFFSET 0 0 0 1 0 0 1 0\nPARAMS_SE3OFFSET 1 2 0 0 0 0 0 1\n"
       "EDGE_SE3_PRIOR 3 0 0 0 0 0 0 0 1" +
       sure + "EDGE_SE3_OFFSET 3 4 0 1 5 0 0 0 0 0 1" + sure +

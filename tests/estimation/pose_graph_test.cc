@@ -86,13 +86,6 @@ TEST(PoseGraph, FindsExactPosesAgain) {
   }
 }
 
-PoseGraph Parsed(const std::string& text) {
-  PoseGraph graph;
-  std::string error;
-  EXPECT_TRUE(ParseG2o(text, "f", &graph, &error)) << error;
-  return graph;
-}
-
 // Two edges from the origin to a pose that is turned by a quarter: in the frame
 // of the measurement the first knows y = -x of the pose ten times as exactly,
 // the second the other axis. By weighted means of x and y.
@@ -101,7 +94,7 @@ TEST(PoseGraph, InformationIsInTheFrameOfTheMeasurement) {
       "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1.2 0.1 1.5\n"
       "EDGE_SE2 0 1 1 0 1.5707963267948966 100 0 0 1 0 1000\n"
       "EDGE_SE2 0 1 1.4 0.3 1.5707963267948966 1 0 0 100 0 1000\n";
-  PoseGraph graph = Parsed(text);
+  PoseGraph graph = ParsedG2o(text);
   Minimize(&graph);
   EXPECT_LT(
       (graph.poses.col(1) -
@@ -109,7 +102,7 @@ TEST(PoseGraph, InformationIsInTheFrameOfTheMeasurement) {
           .norm(),
       1e-7);
   // Ceres weights in the frame of the first pose.
-  graph = Parsed(text);
+  graph = ParsedG2o(text);
   Minimize(&graph, EdgeError::kCeres);
   EXPECT_LT((graph.poses.col(1) -
              Eigen::Vector3d((100.0 + 1.4) / 101.0, 30.0 / 101.0, 0.5 * kPi))
@@ -118,7 +111,7 @@ TEST(PoseGraph, InformationIsInTheFrameOfTheMeasurement) {
 }
 
 TEST(PoseGraph, AnEdgeMayKnowOneCoordinateOnly) {
-  PoseGraph graph = Parsed(
+  PoseGraph graph = ParsedG2o(
       "EDGE_SE2 0 1 1.1 0 0 400 0 0 0 0 0\n"
       "EDGE_SE2 0 1 0 0 0.3 0 0 0 0 0 250\n"
       "EDGE_SE2 0 1 1 0.2 0.1 100 0 0 100 0 100\n");
@@ -133,7 +126,7 @@ TEST(PoseGraph, AnEdgeMayKnowOneCoordinateOnly) {
 // The pose of the prior's sensor is the measurement, and the landmark lies
 // where the sensor sees it.
 TEST(PoseGraph, PriorsHoldAGraphInItsPlace) {
-  PoseGraph graph = Parsed(
+  PoseGraph graph = ParsedG2o(
       "VERTEX_SE3:QUAT 3 9 9 9 0 0 0 1\nVERTEX_TRACKXYZ 4 0 0 0\n"
       "PARAMS_SE3OFFSET 7 0 0 1 0 0 0 1\n"
       "EDGE_SE3_PRIOR 3 7 1 2 3 0 0 1 1"
@@ -153,13 +146,14 @@ TEST(PoseGraph, PriorsHoldAGraphInItsPlace) {
 TEST(PoseGraph, CeresErrorIsOfEdgesBetweenPosesOnly) {
   const std::string edge = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n";
   std::string error;
-  EXPECT_TRUE(HasEdgeError(Parsed(edge), EdgeError::kCeres, &error)) << error;
+  EXPECT_TRUE(HasEdgeError(ParsedG2o(edge), EdgeError::kCeres, &error))
+      << error;
   EXPECT_FALSE(
-      HasEdgeError(Parsed(edge + "EDGE_PRIOR_SE2 0 1 0 0 1 0 0 1 0 1\n"),
+      HasEdgeError(ParsedG2o(edge + "EDGE_PRIOR_SE2 0 1 0 0 1 0 0 1 0 1\n"),
                    EdgeError::kCeresUpper,
                    &error));
   EXPECT_NE(error.find("EDGE_SE2"), std::string::npos) << error;
-  const PoseGraph semidefinite = Parsed("EDGE_SE2 5 8 1 0 0 1 0 0 1 0 0\n");
+  const PoseGraph semidefinite = ParsedG2o("EDGE_SE2 5 8 1 0 0 1 0 0 1 0 0\n");
   EXPECT_TRUE(HasEdgeError(semidefinite, EdgeError::kCeresUpper, &error));
   EXPECT_FALSE(HasEdgeError(semidefinite, EdgeError::kCeres, &error));
   EXPECT_NE(error.find("from 5 to 8"), std::string::npos) << error;

@@ -2,8 +2,11 @@
 #ifndef INVGRAD_TESTS_ESTIMATION_POSES_H_
 #define INVGRAD_TESTS_ESTIMATION_POSES_H_
 
+#include <string>
+
 #include "Eigen/Core"
 #include "Eigen/Geometry"
+#include "gtest/gtest.h"
 #include "problems/estimation/g2o_file.h"
 
 namespace invgrad {
@@ -40,6 +43,13 @@ inline PoseGraph::Pose Relative(const PoseGraph::Pose& a,
   pose << Rotation(a).conjugate() * Eigen::Vector3d((b - a).head<3>()),
       (Rotation(a).conjugate() * Rotation(b)).coeffs();
   return pose;
+}
+
+inline PoseGraph ParsedG2o(const std::string& text) {
+  PoseGraph graph;
+  std::string error;
+  EXPECT_TRUE(ParseG2o(text, "f", &graph, &error)) << error;
+  return graph;
 }
 
 inline PoseGraph::Edge EdgeOf(const PoseGraph::Pose& measurement) {
