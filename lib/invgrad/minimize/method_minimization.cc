@@ -205,7 +205,7 @@ namespace {
 bool MinimizePhase(
     const Phase& phase,
     const MinimizerOptions& options,
-    const std::shared_ptr<ceres::ParameterBlockOrdering>& elimination_order,
+    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
     const ProposalFunction& function,
     ceres::Problem* problem,
     MinimizerSummary* summary,
@@ -215,11 +215,8 @@ bool MinimizePhase(
       !TakesProposals(phase, *problem, error)) {
     return false;
   }
-  if (elimination_order != nullptr &&
-      ceres::IsSchurType(solver_options.linear_solver_type)) {
-    // A copy, because Ceres removes constant blocks from it.
-    solver_options.linear_solver_ordering =
-        std::make_shared<ceres::ParameterBlockOrdering>(*elimination_order);
+  if (ceres::IsSchurType(solver_options.linear_solver_type)) {
+    solver_options.linear_solver_ordering = std::move(elimination_order);
   }
   UpdateCallback::Options callback_options;
   callback_options.block_name = options.block_name;
@@ -254,9 +251,14 @@ bool MinimizeProblem(
     Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }
+  if (elimination_order != nullptr) {
+    // Ceres removes constant blocks from it.
+    elimination_order =
+        std::make_shared<ceres::ParameterBlockOrdering>(*elimination_order);
+  }
   return MinimizePhase(phase,
                        options,
-                       elimination_order,
+                       std::move(elimination_order),
                        /*function=*/nullptr,
                        problem,
                        summary,
