@@ -177,8 +177,8 @@ struct BoundedLeastSquares {
   VectorXd b;
 };
 
-// Where columns are nearly dependent, Ceres alone stops up to per cents above the
-// minimum, although its function tolerance is 1e-6.
+// The function tolerance is 1e-6. Where columns are nearly dependent, a run that
+// holds only the components at bounds ends a thousandth above the minimum.
 TEST(WithinBounds, ConvexProblemsEndAtTheirMinimum) {
   constexpr int kNumParameters = 10;
   constexpr double kUpper = 0.1;

@@ -165,9 +165,7 @@ double Safeguard::PredictedDecrease() const {
             Eigen::Map<const Eigen::VectorXd>(block.values, block.ambient_size)
                 .norm());
   }
-  return RelativeModelDecrease<ceres::Solver::Options,
-                               Eigen::MatrixXd,
-                               Eigen::VectorXd>(
+  return RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
       options_, R, r.head(n), x, squared_norm);
 }
 

@@ -55,7 +55,7 @@ class UpdateCallback::State {
       return;
     }
     auto& entry = entries_[TolerancesOf(*options)];
-    if (entry == nullptr) entry = std::make_unique<Entry>(this, *options);
+    if (entry == nullptr) entry = std::make_unique<Entry>(this);
     staged_->Clear();
     staged_->Wrap();
     bounds_.emplace(*problem_, linearizer_.structure());
@@ -118,33 +118,30 @@ class UpdateCallback::State {
             options.max_num_line_search_step_size_iterations};
   }
 
-  // What stands among the options' callbacks, those of copies, too: it knows
-  // what AddTo has changed there.
+  // What stands among the callbacks of options, and of their copies.
   class Entry final : public ceres::IterationCallback {
    public:
-    Entry(State* state, const ceres::Solver::Options& options)
-        : state_(*state), tolerances_(TolerancesOf(options)) {}
-
+    explicit Entry(State* state) : state_(*state) {}
     ceres::CallbackReturnType operator()(
         const ceres::IterationSummary& iteration) override {
       return state_(iteration);
     }
 
-    void Restore(ceres::Solver::Options* options) const {
-      const auto restore = [](auto value, auto* option) {
-        if (*option == 0) *option = value;
-      };
-      const auto& [function, gradient, parameter, line_search] = tolerances_;
-      restore(function, &options->function_tolerance);
-      restore(gradient, &options->gradient_tolerance);
-      restore(parameter, &options->parameter_tolerance);
-      restore(line_search, &options->max_num_line_search_step_size_iterations);
-    }
-
    private:
     State& state_;
-    const Tolerances tolerances_;
   };
+
+  static void Restore(const Tolerances& tolerances,
+                      ceres::Solver::Options* options) {
+    const auto restore = [](auto value, auto* option) {
+      if (*option == 0) *option = value;
+    };
+    const auto& [function, gradient, parameter, line_search] = tolerances;
+    restore(function, &options->function_tolerance);
+    restore(gradient, &options->gradient_tolerance);
+    restore(parameter, &options->parameter_tolerance);
+    restore(line_search, &options->max_num_line_search_step_size_iterations);
+  }
 
   // Takes back what an earlier AddTo did to these options, or to those that they
   // are a copy of.
@@ -155,7 +152,7 @@ class UpdateCallback::State {
           std::find(callbacks.begin(), callbacks.end(), entry.get());
       if (found == callbacks.end()) continue;
       callbacks.erase(found);
-      entry->Restore(options);
+      Restore(tolerances, options);
       return;
     }
   }
@@ -166,6 +163,7 @@ class UpdateCallback::State {
   ProblemLinearizer linearizer_;
   std::optional<Bounds> bounds_;  // at the last AddTo
   std::optional<StagedStep> staged_;
+  // One for all options that had the same tolerances.
   std::map<Tolerances, std::unique_ptr<Entry>> entries_;
   std::optional<SolveWithProposals> solve_;  // none: no proposals
   bool has_begun_ = false;                   // solve_

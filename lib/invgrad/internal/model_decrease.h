@@ -12,7 +12,8 @@
 //   double decrease = RelativeModelDecrease(options, R, c, x, squared_norm);
 //   bool is_minimum = decrease == 0.0;
 //
-// A decrease that the tolerances of the options allow, or 1e-5, counts as none.
+// A decrease of at most max(1e-5, 10 function_tolerance, parameter_tolerance)
+// counts as none.
 // A step that changes each r by less than 1e-8 of what the parameters themselves
 // do, |U^T c| <= 1e-8 |D x|, counts as none: where r vanishes, its direction is
 // that of rounding errors.
@@ -30,22 +31,20 @@
 
 namespace invgrad {
 
-template <typename Options, typename Matrix, typename Vector>
+template <typename Matrix, typename Vector, typename Options>
 double RelativeModelDecrease(const Options& options,
                              const Matrix& R,
                              const Vector& c,
                              const Vector& x,
                              double squared_norm) {
-  constexpr double kLeastDecrease = 1e-5;
+  const double least_decrease = std::max(
+      {1e-5, 10.0 * options.function_tolerance, options.parameter_tolerance});
   constexpr double kLeastStep = 1e-8;
   constexpr double kThreshold = 1e-7;
   Matrix A = R.template triangularView<Eigen::Upper>();
   const Vector lengths = A.colwise().norm().transpose();
   const double least =
-      std::max(std::max({kLeastDecrease,
-                         10.0 * options.function_tolerance,
-                         options.parameter_tolerance}) *
-                   squared_norm,
+      std::max(least_decrease * squared_norm,
                kLeastStep * kLeastStep * lengths.cwiseProduct(x).squaredNorm());
   if (!(c.squaredNorm() > least)) return 0.0;
   for (Eigen::Index j = 0; j < A.cols(); ++j) {

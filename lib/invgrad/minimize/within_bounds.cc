@@ -90,7 +90,7 @@ double Cost(ceres::Problem* problem) {
              : std::numeric_limits<double>::infinity();
 }
 
-// The step of the stopped components. Returns what is left of the cost.
+// Takes the step of the stopped components. Returns the cost after it.
 double ProjectedStep(const std::vector<Stopped>& stopped,
                      double cost,
                      ceres::Problem* problem) {
