@@ -22,6 +22,7 @@ are not in FOLDER.
     train_loss, metric, steps, ms_per_step, ...   what is shown; else test_loss
     s_to_0.001             what is shown: this column of the run's table.md
     range, median_range    of the seeds; else the median. A failed run is worst.
+    worst                  the worst seed, not a failed run, over the median
     .4                     digits; else 2
     ratio                  the row's first loss over the lowest of its others
     overtakes              the seconds after which the method, a name without
@@ -112,7 +113,7 @@ def fill(folder, words):
         key, _, value = word.partition("=")
         if word in VALUES:
             column = word
-        elif word in ("range", "median_range"):
+        elif word in ("range", "median_range", "worst"):
             kind = word
         elif re.fullmatch(r"\.\d", word):
             digits = int(word[1])
@@ -141,9 +142,11 @@ def fill(folder, words):
                           title), None
     text = number(middle[column], digits)
     values = [run[column] for run in best if run[loss] < math.inf]
+    if kind == "worst":
+        return number(max(values) / middle[column], digits), None
     if kind and values:
         low, high = number(min(values), digits), number(max(values), digits)
-        text = (f"{low} - {high}" if kind == "range" else
+        text = (f"{low} … {high}" if kind == "range" else
                 f"{text} ({low} … {high})")
     if values and len(values) < len(best) and column in LOSSES:
         text += f", {len(best) - len(values)} of {len(best)} failed"

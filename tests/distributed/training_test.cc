@@ -198,12 +198,12 @@ TEST(DistributedTraining, RacesBatchSizesAsInOneProcess) {
 
 // Batches whose Gram matrix the ranks share (spectral/routes/gram_route.cc).
 TEST(DistributedTraining, SharesLargeGramMatrices) {
-  // J J^T with m = 1012 and 1300; J^T J with n = 1444, m = 1924.
-  for (const int batch_size : {253, 325, 481}) {
+  // J J^T with m = 1012; J^T J with n = 1444, m = 1924.
+  for (const int batch_size : {253, 481}) {
     ExpectSameTraining({"oscillator_chain:num_samples=1200",
                         "half_inverse:truncation=1e-2",
                         batch_size,
-                        /*steps=*/2});
+                        /*steps=*/1});
   }
 }
 
