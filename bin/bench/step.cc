@@ -9,7 +9,6 @@
 //   parameter_gram   J^T J alone, from the factors
 //   golub_kahan      golub_kahan.h
 //   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
-//   bdcsvd           Eigen's
 //
 // step/dgemm is the speed of the arithmetic: GF/s of it and of gram, whose
 // operations are m^2 sum(widths) + 4/3 m^3, or m n^2 + 4/3 n^3 if m > n.
@@ -28,7 +27,6 @@
 #include "bin/support/learning_run.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/core/small_svd.h"
 #include "invgrad/internal/blas.h"
 #include "invgrad/spectral.h"
 #include "invgrad/spectral/golub_kahan.h"
@@ -47,7 +45,7 @@ struct CaseRow {
 
 const std::vector<CaseRow>& CaseRows() {
   const std::vector<std::string> all = {
-      "gram", "step", "svd", "dgesdd", "sgesdd", "bdcsvd"};
+      "gram", "step", "svd", "dgesdd", "sgesdd"};
   const std::vector<std::string> parameter = {"gram", "parameter_gram"};
   static const auto& rows = *new std::vector<CaseRow>{
       {"linear_chain", "oscillator_chain", 1e-10, all},
@@ -182,17 +180,6 @@ Step KrylovStep() {
   };
 }
 
-struct EigenSvd : SmallSvd {
-  using Matrix = Eigen::MatrixXd;
-  Matrix Vt;
-
-  bool Compute(const Matrix& J) {
-    SmallSvd::Compute(J);
-    Vt = V.transpose();
-    return true;
-  }
-};
-
 // A full SVD of the dense J; steps reuse its arrays.
 template <typename Svd>
 Step SvdStep() {
@@ -217,9 +204,8 @@ Step MakeStep(const std::string& method) {
   if (method == "parameter_gram") return ParameterGramStep();
   if (method == "golub_kahan") return KrylovStep();
   if (method == "dgesdd") return SvdStep<LapackSvd<double>>();
-  if (method == "sgesdd") return SvdStep<LapackSvd<float>>();
-  CHECK_EQ(method, "bdcsvd");
-  return SvdStep<EigenSvd>();
+  CHECK_EQ(method, "sgesdd");
+  return SvdStep<LapackSvd<float>>();
 }
 
 // A rate, in the columns of Google Benchmark.

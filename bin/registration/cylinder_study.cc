@@ -183,7 +183,7 @@ bool RunCylinder(const std::string& clouds,
   run->method = method.label;
   run->seed = seed;
   run->eigenvalues =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(sums.H)
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(sums.H))
           .eigenvalues();
   Stepper stepper(method, options.tau);
   bool is_done = method.kind == Kind::kOdometry;

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "glog/logging.h"
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/autodiff_simulator.h"

@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Cholesky"
 #include "Eigen/Core"
 #include "Eigen/LU"
-#include "Eigen/QR"
 #include "Eigen/SVD"
 #include "invgrad/random.h"
 #include "invgrad/time_stepping_simulator.h"
@@ -86,10 +86,12 @@ inline NormalizationErrors ErrorsByNormalization(bool is_linear,
   }
   MatrixXd columns(kNumStates, 3);
   columns << seen.transpose(), VectorXd::Ones(kNumStates);
-  const MatrixXd map = columns.colPivHouseholderQr().solve(truth.transpose());
+  const MatrixXd wanted = truth.transpose();
+  const MatrixXd gram = columns.transpose() * columns;
+  const MatrixXd map = gram.llt().solve(columns.transpose() * wanted);
   const double deviation = (truth.colwise() - truth.rowwise().mean()).norm();
   return {(seen - truth).norm() / deviation,
-          (columns * map - truth.transpose()).norm() / deviation};
+          (columns * map - wanted).norm() / deviation};
 }
 
 // --- 4. Forces at the time steps of two oscillators ---
@@ -216,8 +218,7 @@ inline Vector3d LorenzBackwards(const Vector3d& y,
     const Vector3d after = x;
     x = Lorenz{1, -Lorenz::kTimeStep}(after);
     for (int k = 0; k < 4; ++k) {
-      x -=
-          LorenzJacobian(x, Lorenz{1}).partialPivLu().solve(Lorenz{1}(x)-after);
+      x -= LorenzJacobian(x, Lorenz{1}).inverse() * (Lorenz{1}(x)-after);
     }
   }
   return x;

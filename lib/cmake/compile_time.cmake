@@ -42,7 +42,7 @@ function(invgrad_precompile target)
       <Eigen/Core> <Eigen/SparseCore> <ceres/autodiff_cost_function.h>
       <ceres/problem.h> <fmt/core.h>
       "${PROJECT_SOURCE_DIR}/lib/invgrad/internal/logging.h"
-      "${PROJECT_SOURCE_DIR}/lib/invgrad/core/eigen_decompositions.h")
+      "${PROJECT_SOURCE_DIR}/lib/invgrad/core/eigen_templates.h")
   endif()
 endfunction()
 

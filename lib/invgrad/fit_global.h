@@ -48,13 +48,13 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "ceres/jet.h"
 #include "invgrad/internal/blas.h"
 #include "invgrad/internal/fit_options.h"
 #include "invgrad/internal/levenberg_marquardt.h"
 #include "invgrad/internal/linear_projection.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/internal/streaming_gram.h"
 
 namespace invgrad {
@@ -98,20 +98,14 @@ class GlobalRows {
   }
 
   GramRoot<N> Root() {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Linear().transpose());
-    const Eigen::Index size =
-        std::min(qr.matrixQR().rows(), qr.matrixQR().cols());
-    const Eigen::MatrixXd T =
-        qr.matrixQR().topRows(size).template triangularView<Eigen::Upper>();
-    const Eigen::MatrixXd Q =
-        qr.householderQ() * Eigen::MatrixXd::Identity(Y_.cols(), size);
-    Eigen::MatrixXd RQ(R_.rows(), size);
-    Gemm(Op::kNone, Op::kNone, 1.0, R_, Q, 0.0, RQ);
+    const ThinQr qr(Linear().transpose());
+    Eigen::MatrixXd RQ(R_.rows(), qr.Q.cols());
+    Gemm(Op::kNone, Op::kNone, 1.0, R_, qr.Q, 0.0, RQ);
     Eigen::MatrixXd JQ[N];
     for (int k = 0; k < N; ++k) {
       JQ[k] = projection_->Residual(Part([k](const Jet& jet) {
         return jet.v[k];
-      })) * T.transpose();
+      })) * qr.R.transpose();
     }
     gram_.Reset();
     double row[N] = {};

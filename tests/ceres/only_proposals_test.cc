@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
@@ -14,6 +13,7 @@
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 #include "tests/support/function_rule.h"
+#include "tests/support/least_squares.h"
 
 namespace invgrad {
 namespace only_proposals_test {
@@ -134,7 +134,7 @@ TEST(OnlyProposals, ReachTheMinimumOfALinearProblem) {
       A.row(i) << 1.0, random.Uniform(-1.0, 1.0);
     }
     y += A * Eigen::Vector2d(1.0, 2.0);
-    const Eigen::Vector2d best = A.householderQr().solve(y);
+    const Eigen::Vector2d best = LeastSquares(A, y);
     Eigen::Vector2d x = best + Eigen::Vector2d(off, 0.0);
     ceres::Problem problem;
     for (int i = 0; i < kNumPoints; ++i) {

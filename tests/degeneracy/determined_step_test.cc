@@ -7,6 +7,8 @@
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
+#include "tests/support/least_squares.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -68,7 +70,7 @@ TEST(DeterminedStep, IsGaussNewtonWhereEverythingIsDetermined) {
     const MatrixXd J = RandomMatrix(40, n, n);
     const VectorXd r = RandomMatrix(40, 1, 10 + n);
     DeterminedStep determined;
-    const VectorXd expected = -J.householderQr().solve(r);
+    const VectorXd expected = -LeastSquares(J, r);
     EXPECT_LT((StepOf(&determined, J, r) - expected).norm(),
               1e-12 * expected.norm());
     EXPECT_EQ(determined.num_left_alone(), 0);
@@ -79,9 +81,8 @@ TEST(DeterminedStep, IsGaussNewtonWhereEverythingIsDetermined) {
 
 // With one unit for all unknowns the step is that of the truncated SVD.
 TEST(DeterminedStep, IsTheTruncatedPseudoInverse) {
-  const MatrixXd U = RandomMatrix(20, 5, 1).householderQr().householderQ() *
-                     MatrixXd::Identity(20, 5);
-  const MatrixXd V = RandomMatrix(5, 5, 2).householderQr().householderQ();
+  const MatrixXd U = Orthonormalized(RandomMatrix(20, 5, 1));
+  const MatrixXd V = Orthonormalized(RandomMatrix(5, 5, 2));
   VectorXd s(5);
   s << 3.0, 2.0, 1.0, 0.2, 0.01;
   const MatrixXd J = U * s.asDiagonal() * V.transpose();
@@ -307,7 +308,7 @@ TEST(DeterminedStep, RefusesValuesThatAreNotFinite) {
 
 // Two values rise and fall by a little around tau, and cross each other.
 TEST(DeterminedStep, HysteresisFollowsTheDirectionNotTheIndex) {
-  const MatrixXd V = RandomMatrix(3, 3, 2).householderQr().householderQ();
+  const MatrixXd V = Orthonormalized(RandomMatrix(3, 3, 2));
   Options options = WithGroups({3}, 0.1);
   options.tau_high = 0.2;
   DeterminedStep determined(options);
@@ -357,7 +358,7 @@ TEST(DeterminedStep, SolvesOnTheKeptDirectionsInTheBand) {
                             .jacobiSvd(Eigen::ComputeFullU)
                             .matrixU()
                             .rightCols(2);
-  const VectorXd expected = -kept * (J * kept).eval().householderQr().solve(r);
+  const VectorXd expected = -kept * LeastSquares(J * kept, r);
   EXPECT_LT((step - expected).norm(), 1e-12);
   EXPECT_NEAR(
       std::abs(determined.left_alone().col(0).normalized()[2]), 1.0, 1e-12);

@@ -219,7 +219,7 @@ TEST(LossPullBackTest, SaddleFreeNewtonSolvesWithTheAbsoluteHessian) {
   ASSERT_LT(of_h.eigenvalues()[0], -0.1);
   ASSERT_GT(of_h.eigenvalues()[2], 0.1);
   const MatrixXd absolute =
-      Eigen::SelfAdjointEigenSolver<MatrixXd>(H * H).operatorSqrt();
+      Eigen::SelfAdjointEigenSolver<MatrixXd>(MatrixXd(H * H)).operatorSqrt();
   const double eta = 0.7;
   const VectorXd saddle_free =
       Change(loss, LossWay::kSaddleFreeNewton, eta, y, target);

@@ -26,7 +26,7 @@ namespace minimizer_test {
 FunctionRule Newton() {
   return {LinearizationParts{true, false, true},
           [](const auto& at_x, auto* step, std::string*) {
-            *step = -at_x.hessian.ldlt().solve(at_x.gradient);
+            *step = -at_x.hessian.lu().solve(at_x.gradient);
             return true;
           }};
 }

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
 #include "invgrad/minimize.h"
 #include "tests/support/function_rule.h"
+#include "tests/support/least_squares.h"
 
 namespace invgrad {
 
@@ -57,7 +57,7 @@ inline FunctionRule GaussNewton() {
           [](const auto& at_x, auto* step, std::string*) {
             Eigen::MatrixXd J;
             at_x.jacobian->ToDense(&J);
-            *step = -J.householderQr().solve(at_x.loss_gradient);
+            *step = -LeastSquares(J, at_x.loss_gradient);
             return true;
           }};
 }

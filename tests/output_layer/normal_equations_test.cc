@@ -5,6 +5,7 @@
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -29,14 +30,14 @@ NormalEquations::Solution SolutionOf(const MatrixXd& H, const MatrixXd& D) {
 MatrixXd RidgeSolution(const MatrixXd& H, const MatrixXd& D, double ridge) {
   MatrixXd G = H * H.transpose();
   G.diagonal().array() += ridge;
-  return G.ldlt().solve(H * D.transpose());
+  return G.llt().solve(H * D.transpose());
 }
 
 // The definition: |residual|^2 / trace(I - hat matrix)^2.
 double Gcv(const MatrixXd& H, const MatrixXd& D, double ridge) {
   MatrixXd G = H * H.transpose();
   G.diagonal().array() += ridge;
-  const MatrixXd hat = H.transpose() * G.ldlt().solve(H);
+  const MatrixXd hat = H.transpose() * G.llt().solve(H);
   const double freedom = static_cast<double>(H.cols()) - hat.trace();
   return (D - D * hat).squaredNorm() / (freedom * freedom);
 }
@@ -107,8 +108,7 @@ TEST(NormalEquations, BlocksAreTheWhole) {
 
 TEST(NormalEquations, AnOrthogonalRecombinationOfFeaturesKeepsTheFit) {
   const Noisy data(0.3);
-  const MatrixXd Q =
-      Eigen::HouseholderQR<MatrixXd>(RandomMatrix(kP, kP, 6)).householderQ();
+  const MatrixXd Q = Orthonormalized(RandomMatrix(kP, kP, 6));
   const NormalEquations::Solution solution = SolutionOf(data.H, data.D);
   const NormalEquations::Solution turned = SolutionOf(Q * data.H, data.D);
   EXPECT_LT((turned.Z - Q * solution.Z).norm(), 1e-12);
@@ -143,9 +143,9 @@ TEST(NormalEquations, TheLeastRidgeIsAFractionOfTheLargestEigenvalue) {
   equations.Add(data.H, data.D);
   NormalEquations::Solution solution;
   ASSERT_TRUE(equations.Solve(0.25, &solution));
+  const MatrixXd G = data.H * data.H.transpose();
   const double l_max =
-      Eigen::SelfAdjointEigenSolver<MatrixXd>(data.H * data.H.transpose())
-          .eigenvalues()[kP - 1];
+      Eigen::SelfAdjointEigenSolver<MatrixXd>(G).eigenvalues()[kP - 1];
   // The grid has the factor 2.
   EXPECT_GE(solution.ridge, 0.25 * l_max * (1.0 - 1e-12));
   EXPECT_LE(solution.ridge, 0.5 * l_max * (1.0 + 1e-12));

@@ -7,6 +7,7 @@
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/stored_jacobian.h"
 #include "tests/support/random_matrix.h"
@@ -24,11 +25,7 @@ const std::vector<int>& Others() {
   return *others;
 }
 
-MatrixXd Basis() {
-  return Eigen::HouseholderQR<MatrixXd>(RandomMatrix(kRows, 2, 3))
-             .householderQ() *
-         MatrixXd::Identity(kRows, 2);
-}
+MatrixXd Basis() { return Orthonormalized(RandomMatrix(kRows, 2, 3)); }
 
 TEST(ReducedJacobian, IsTheProjectedPartOfJ) {
   const MatrixXd dense = RandomMatrix(kRows, 6, 1);

@@ -8,7 +8,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/internal/network_layers.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/linear_simulator.h"
+#include "tests/support/least_squares.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -153,9 +155,7 @@ TEST_P(ReducedLoss, TheJacobianIsKaufmans) {
   MatrixXd kaufman;
   at.jacobian->ToDense(&kaufman);
   const MatrixXd J_C = LayerJacobianOf(model_, weights_, data_);
-  const Eigen::HouseholderQR<MatrixXd> qr(J_C);
-  const MatrixXd Q =
-      qr.householderQ() * MatrixXd::Identity(J_C.rows(), J_C.cols());
+  const MatrixXd Q = Orthonormalized(J_C);
   const bool is_linear = model_.simulator().is_linear();
   constexpr double kStep = 1e-4;
   for (int i = 0; i < kaufman.cols(); ++i) {
@@ -195,7 +195,7 @@ TEST(ReducedObjective, TheCostIsThatOfADenseMinimization) {
     // 1/2 c |y + J_C Z - y*|^2 with g = c (y - y*), c = 2 * 0.7 / N.
     const double c = 1.4 / kSamples;
     const VectorXd r = at.loss_gradient / c;
-    const VectorXd left = r - J_C * J_C.colPivHouseholderQr().solve(r);
+    const VectorXd left = r - J_C * LeastSquares(J_C, r);
     const double best = 0.5 * c * left.squaredNorm();
     const double cost = At(&whole, weights, data).cost;
     EXPECT_GE(cost, best * (1.0 - 1e-12));

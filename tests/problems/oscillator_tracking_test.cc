@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/least_squares.h"
 #include "tests/support/take_steps.h"
 #include "tests/support/train_problem.h"
 
@@ -137,7 +137,7 @@ TEST_P(LinearTracking, RegretIsTheDistanceFromTheLeastSquares) {
     ASSERT_TRUE(simulator.Evaluate(
         x.data(), state.data(), y.data(), J_transposed.data()));
     const MatrixXd J = J_transposed.transpose();
-    const VectorXd best = x - J.colPivHouseholderQr().solve(y);
+    const VectorXd best = x - LeastSquares(J, y);
     const double gain = (J * (x - best)).squaredNorm();
     EXPECT_GT(gain, 0.1);
     const DataSet sample = problem.train.Range(s, 1);

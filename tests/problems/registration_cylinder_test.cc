@@ -145,7 +145,7 @@ TEST(Cylinder, FirstHIsThatOfTheSource) {
   const Matrix3Xd points = MakeCylinder(3);
   const LocalPlaneSums sums = LocalPlanes(points).SumsAt(points, start);
   const Vector6d values =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(sums.H)
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(sums.H))
           .eigenvalues();
   Vector6d published;
   published << 1.5, 10.5, 28.9, 1801.0, 3386.0, 14672.0;
@@ -166,7 +166,7 @@ TEST(Cylinder, SameCloudsHaveTheSameErrors) {
     Isometry3d pose = SomePose();
     for (int i = 0; i < 10; ++i) {
       const LocalPlaneSums sums = planes.SumsAt(scan, pose);
-      pose = Moved(pose, -sums.H.ldlt().solve(sums.gradient));
+      pose = Moved(pose, -Eigen::MatrixXd(sums.H).llt().solve(sums.gradient));
     }
     return pose;
   };

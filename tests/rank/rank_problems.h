@@ -12,7 +12,6 @@
 
 #include "Eigen/Core"
 #include "Eigen/Geometry"
-#include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/cost_function.h"
 #include "ceres/manifold.h"
@@ -20,6 +19,7 @@
 #include "ceres/rotation.h"
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
+#include "invgrad/rank/decompositions.h"
 #include "invgrad/rank_report.h"
 
 namespace invgrad {
@@ -93,7 +93,7 @@ inline void ExpectConsistent(const ceres::Problem& problem,
         report.Step(direction).normalized();
   }
   if (steps.cols() > 0) {
-    EXPECT_EQ(steps.colPivHouseholderQr().rank(), steps.cols());
+    EXPECT_GT(ComputeRightSvd(steps).s.minCoeff(), 1e-12);
   }
   EXPECT_EQ(report.blocks.size() + report.num_constant_blocks,
             static_cast<std::size_t>(problem.NumParameterBlocks()));

@@ -3,10 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/rank_report.h"
 #include "tests/rank/rank_problems.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace rank_report_combination_test {
@@ -37,9 +38,9 @@ struct Points {
   RankReport ReportOf(const MatrixXd& undetermined) {
     const Eigen::Index n = undetermined.rows();
     const Eigen::Index k = undetermined.cols();
-    const MatrixXd Q =
-        Eigen::HouseholderQR<MatrixXd>(undetermined).householderQ();
-    const MatrixXd A = Q.rightCols(n - k).transpose();
+    MatrixXd padded = RandomMatrix(n, n, 1);
+    padded.leftCols(k) = undetermined;
+    const MatrixXd A = Orthonormalized(padded).rightCols(n - k).transpose();
     ceres::Problem problem;
     std::vector<MatrixXd> coefficients;
     std::vector<double*> blocks;

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "Eigen/SparseCore"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/random.h"
 
 namespace invgrad {
@@ -21,8 +21,7 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 
 MatrixXd RandomOrthonormal(int rows, int cols, int seed) {
   const MatrixXd A = NumpyRandom(seed).Rand(rows, cols).array() - 0.5;
-  const Eigen::HouseholderQR<MatrixXd> qr(A);
-  return qr.householderQ() * MatrixXd::Identity(rows, cols);
+  return Orthonormalized(A);
 }
 
 // U diag(s) V^T: m x s.size().

@@ -5,6 +5,7 @@
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
 #include "invgrad/determined_step.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/linearization.h"
 #include "invgrad/rules.h"
@@ -88,7 +89,7 @@ TEST(DeterminedRule, BlocksShareAScale) {
 TEST(DeterminedRule, RemembersWhatItLeftAlone) {
   const VectorXd g = VectorXd::Ones(3);
   const auto J = [](double s) -> MatrixXd {
-    const MatrixXd V = RandomMatrix(3, 3, 2).householderQr().householderQ();
+    const MatrixXd V = Orthonormalized(RandomMatrix(3, 3, 2));
     return Eigen::Vector3d(1.0, 0.5, s).asDiagonal() * V.transpose();
   };
   const std::string text = "determined:truncation=0.1:release=1.5";

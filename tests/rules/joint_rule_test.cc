@@ -9,14 +9,15 @@
 
 #include "Eigen/Cholesky"
 #include "Eigen/Geometry"
-#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/rules.h"
 #include "invgrad/stored_jacobian.h"
 #include "invgrad/update_rule.h"
+#include "tests/support/least_squares.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/real_infidelity.h"
 
@@ -127,8 +128,9 @@ TEST(JointRule, AtAMinimumTheAutomaticStepIsZero) {
        {"half_inverse", "gauss_newton", "krylov", "determined"}) {
     for (int seed = 0; seed < 20; ++seed) {
       SCOPED_TRACE(name + " " + std::to_string(seed));
-      const MatrixXd J = RandomMatrix(7, 3, seed);
-      const MatrixXd Q = J.householderQr().householderQ();
+      const MatrixXd random = RandomMatrix(7, 7, seed);
+      const MatrixXd J = random.leftCols(3);
+      const MatrixXd Q = Orthonormalized(random);
       Linearization at_x;
       at_x.jacobian = std::make_shared<DenseJacobian>(J);
       at_x.loss_gradient = 1e3 * Q.rightCols(4) * VectorXd::Ones(4);
@@ -182,7 +184,7 @@ TEST(JointRule, StepsThatAreTooLongAreShortened) {
   const Eigen::Vector3d b(1.0, -2.0, 0.5);
   const auto rule =
       MakeRule("gauss_newton:step_size=2.5:control=gain:adapts=nothing");
-  const VectorXd best = (A.transpose() * A).ldlt().solve(A.transpose() * b);
+  const VectorXd best = LeastSquares(A, b);
   VectorXd x = VectorXd::Zero(2);
   int num_undone = 0;
   for (int k = 0; k < 60; ++k) {

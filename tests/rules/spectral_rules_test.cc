@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/linearization.h"
 #include "invgrad/rules.h"
 #include "tests/rules/quadratic.h"
 #include "tests/rules/step_of.h"
+#include "tests/support/least_squares.h"
 
 namespace invgrad {
 namespace spectral_rules_test {
@@ -67,8 +67,7 @@ TEST(SpectralRules, GaussNewtonIsLeastSquares) {
     const Quadratic problem(m, n);
     const Linearization at_x = problem.At(VectorXd::Ones(n));
     const VectorXd least_squares =
-        -problem.A().completeOrthogonalDecomposition().solve(
-            at_x.loss_gradient);
+        -LeastSquares(problem.A(), at_x.loss_gradient);
     EXPECT_LE((StepOf("gauss_newton:route=svd", at_x) - least_squares).norm(),
               1e-13 * least_squares.norm());
     EXPECT_LE((StepOf("power:kappa=1", at_x) - least_squares).norm(),

@@ -6,8 +6,8 @@
 
 #include "Eigen/Cholesky"
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/linearization.h"
 #include "invgrad/rules.h"
 #include "tests/rules/step_of.h"
@@ -37,7 +37,7 @@ Linearization At(const Function& f, const VectorXd& x) {
 // 1/2 x . A x with eigenvalues 1 .. 10^(n - 1).
 struct Bowl {
   explicit Bowl(int n) {
-    const MatrixXd Q = RandomMatrix(n, n, 3).householderQr().householderQ();
+    const MatrixXd Q = Orthonormalized(RandomMatrix(n, n, 3));
     const VectorXd powers = VectorXd::LinSpaced(n, 0.0, n - 1.0);
     A = Q * VectorXd(Eigen::pow(10.0, powers.array())).asDiagonal() *
         Q.transpose();

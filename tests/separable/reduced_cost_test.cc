@@ -8,8 +8,10 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/separable.h"
 #include "tests/separable/exponentials.h"
+#include "tests/support/least_squares.h"
 
 namespace invgrad {
 namespace reduced_cost_test {
@@ -68,15 +70,13 @@ MatrixXd Differences(const VectorXd& a, SeparableProblem* separable) {
 
 constexpr double kDifferences = 1e-9;
 
-// The minimum over c by normal equations in another basis.
 TEST(ReducedCost, IsTheMinimumOverTheLinearParameters) {
   Exponentials data(20);
   ceres::Problem problem;
   data.AddTo(&problem);
   const auto separable = Reduce({{data.c.data(), {}}}, &problem);
   const MatrixXd Phi = data.Phi();
-  const VectorXd c =
-      Phi.bdcSvd(Eigen::ComputeThinU | Eigen::ComputeThinV).solve(data.y);
+  const VectorXd c = LeastSquares(Phi, data.y);
   const At at = EvaluateAt(data.a, separable.get());
   EXPECT_LE((at.f - (Phi * c - data.y)).norm(), 1e-13);
   std::string error;
@@ -108,8 +108,7 @@ TEST(ReducedCost, JacobianOfKaufmanHasTheGradientAndTheProjection) {
   const At at = EvaluateAt(data.a, separable.get());
   const MatrixXd J = Differences(data.a, separable.get());
   const MatrixXd Phi = data.Phi();
-  const MatrixXd Q = Phi.householderQr().householderQ() *
-                     MatrixXd::Identity(Phi.rows(), Phi.cols());
+  const MatrixXd Q = Orthonormalized(Phi);
   EXPECT_LE((at.J - (J - Q * (Q.transpose() * J))).norm(), kDifferences);
   EXPECT_GE((at.J - J).norm(), 1e-2);
   EXPECT_LE((at.J.transpose() * at.f - J.transpose() * at.f).norm(),

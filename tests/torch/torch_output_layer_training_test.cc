@@ -5,7 +5,6 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/internal/network_layers.h"
 #include "invgrad/output_layer/reduced_objective.h"
@@ -13,6 +12,7 @@
 #include "invgrad/train.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/least_squares.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
@@ -63,7 +63,7 @@ struct BestLayer {
             .array()
             .tanh();
     const MatrixXd Y = data.targets.transpose();
-    const MatrixXd C = H.colPivHouseholderQr().solve(Y);
+    const MatrixXd C = LeastSquares(H, Y);
     const double norm = (H * C - Y).norm();
     loss = 0.5 * norm * norm / N;
     // An output is a sum of 7 products, with |h| <= 1, of rounded factors: at

@@ -4,11 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "Eigen/QR"
 #include "invgrad/ceres/copy_problem.h"
 #include "invgrad/internal/model_decrease.h"
+#include "invgrad/internal/qr.h"
 
 namespace invgrad {
 namespace {
@@ -152,12 +153,10 @@ double Safeguard::PredictedDecrease() const {
   }
   Eigen::MatrixXd J;
   at_x.jacobian->ToDense(&J);
-  Eigen::VectorXd r = at_x.loss_gradient;
+  const Eigen::VectorXd& r = at_x.loss_gradient;
   const double squared_norm = r.squaredNorm();
   if (!(squared_norm > 0.0)) return 0.0;
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(J);
-  const Eigen::MatrixXd R = qr.matrixQR().topRows(n);
-  r.applyOnTheLeft(qr.householderQ().adjoint());
+  const ThinQr qr(std::move(J));
   Eigen::VectorXd x(n);
   for (const auto& block : structure.parameter_blocks) {
     x.segment(block.column, block.tangent_size)
@@ -166,7 +165,7 @@ double Safeguard::PredictedDecrease() const {
                 .norm());
   }
   return RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
-      options_, R, r.head(n), x, squared_norm);
+      options_, qr.R, qr.Q.transpose() * r, x, squared_norm);
 }
 
 // Ceres' gradient is x - Plus(x, -gradient), which a Plus that wraps angles

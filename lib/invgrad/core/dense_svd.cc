@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "invgrad/core/lapack_sizes.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
@@ -14,11 +15,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-lapack_int Int(Index size) { return static_cast<lapack_int>(size); }
-lapack_int LeadingDimension(const MatrixXd& A) {
-  return Int(std::max<Index>(A.rows(), 1));
-}
-
 // From 11 / 6 on, dgesdd does the same but also forms Q.
 bool IsTall(const MatrixXd& A) { return 6 * A.rows() >= 11 * A.cols(); }
 
@@ -27,8 +23,8 @@ bool Factorize(MatrixXd* A, VectorXd* tau, MatrixXd* R) {
   const Index n = A->cols();
   tau->resize(n);
   if (LAPACKE_dgeqrf(LAPACK_COL_MAJOR,
-                     Int(A->rows()),
-                     Int(n),
+                     LapackSize(A->rows()),
+                     LapackSize(n),
                      A->data(),
                      LeadingDimension(*A),
                      tau->data()) != 0) {
@@ -54,8 +50,8 @@ bool DenseSvd::Compute() {
   W_.resize(B.rows(), k);
   Vt_.resize(k, B.cols());
   copy_ = B;
-  const lapack_int rows = Int(B.rows());
-  const lapack_int cols = Int(B.cols());
+  const lapack_int rows = LapackSize(B.rows());
+  const lapack_int cols = LapackSize(B.cols());
   if (LAPACKE_dgesdd(LAPACK_COL_MAJOR,
                      'S',
                      rows,
@@ -108,14 +104,14 @@ void DenseSvd::ApplyQ(bool transpose, Eigen::Ref<MatrixXd> X) const {
   CHECK_EQ(LAPACKE_dormqr(LAPACK_COL_MAJOR,
                           'L',
                           transpose ? 'T' : 'N',
-                          Int(X.rows()),
-                          Int(X.cols()),
-                          Int(tau_.size()),
+                          LapackSize(X.rows()),
+                          LapackSize(X.cols()),
+                          LapackSize(tau_.size()),
                           A_.data(),
-                          Int(A_.rows()),
+                          LapackSize(A_.rows()),
                           tau_.data(),
                           X.data(),
-                          Int(X.outerStride())),
+                          LapackSize(X.outerStride())),
            0);
 }
 
@@ -129,8 +125,8 @@ VectorXd SingularValues(MatrixXd A) {
   if (!A.allFinite() || (is_tall && !Factorize(&A, &tau, &R)) ||
       LAPACKE_dgesdd(LAPACK_COL_MAJOR,
                      'N',
-                     Int(B.rows()),
-                     Int(B.cols()),
+                     LapackSize(B.rows()),
+                     LapackSize(B.cols()),
                      B.data(),
                      LeadingDimension(B),
                      s.data(),

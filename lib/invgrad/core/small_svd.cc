@@ -1,17 +1,37 @@
 #include "invgrad/core/small_svd.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "Eigen/SVD"
+#include "invgrad/core/dense_svd.h"
 
 namespace invgrad {
 
 void SmallSvd::Compute(const Eigen::Ref<const Eigen::MatrixXd>& A) {
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(
-      A, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  U = svd.matrixU();
-  s = svd.singularValues();
-  V = svd.matrixV();
+  constexpr Eigen::Index kLargestForJacobi = 15;
+  if (std::min(A.rows(), A.cols()) <= kLargestForJacobi) {
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(
+        A, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    U = svd.matrixU();
+    s = svd.singularValues();
+    V = svd.matrixV();
+    return;
+  }
+  DenseSvd svd;
+  *svd.mutable_matrix() = A;
+  if (!svd.Compute()) {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    const Eigen::Index k = std::min(A.rows(), A.cols());
+    U.setConstant(A.rows(), k, kNan);
+    s.setConstant(k, kNan);
+    V.setConstant(A.cols(), k, kNan);
+    return;
+  }
+  U = svd.U();
+  s = svd.s();
+  V = svd.Vt().transpose();
 }
 
 Eigen::VectorXd SmallSvd::InversePowerTimes(

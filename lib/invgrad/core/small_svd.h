@@ -4,8 +4,8 @@
 //   A = U diag(s) V^T
 //
 // Shapes:  A: m x n;  U: m x k;  s: k, descending;  V: n x k;  k = min(m, n).
-// Cost:    about 4 m n k + 22 k^3, by Eigen's BDCSVD, which takes half a minute
-//          to compile: other files use this class instead.
+// Cost:    about 4 m n k + 22 k^3, for k < 16 by Jacobi's method, otherwise by
+//          dense_svd.h.
 // Fails:   s has NaN if A has.
 //
 // For batches see spectral.h.

@@ -13,6 +13,7 @@
 #include "invgrad/covariance/gram_inverse.h"
 #include "invgrad/covariance/schur_complement.h"
 #include "invgrad/covariance/sparse_cholesky.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/internal/small_covariance.h"
 #include "invgrad/rank/smallest_singular.h"
 

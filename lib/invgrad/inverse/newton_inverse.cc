@@ -61,7 +61,7 @@ void SaddleFreeStep(const Map<const MatrixXd>& H,
     Step(Eigen::Vector2d(D.diagonal()), Q, options, g, x);
     return;
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd{H});
   Step(eigen.eigenvalues(), eigen.eigenvectors(), options, g, x);
 }
 

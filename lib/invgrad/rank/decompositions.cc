@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "invgrad/core/dense_svd.h"
-#include "invgrad/internal/blas.h"
+#include "invgrad/core/lapack_sizes.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
@@ -16,11 +16,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// LAPACK's leading dimension, also of an empty matrix.
-lapack_int StrideOf(const MatrixXd& A) {
-  return static_cast<lapack_int>(std::max<Index>(A.rows(), 1));
-}
 
 }  // namespace
 
@@ -38,20 +33,6 @@ RightSvd ComputeRightSvd(MatrixXd A) {
   return {VectorXd::Constant(n, kNan), MatrixXd::Constant(n, n, kNan)};
 }
 
-MatrixXd Orthonormalized(MatrixXd X) {
-  CHECK_GE(X.rows(), X.cols());
-  const auto m = static_cast<lapack_int>(X.rows());
-  const auto n = static_cast<lapack_int>(X.cols());
-  VectorXd tau(n);
-  CHECK_EQ(
-      LAPACKE_dgeqrf(LAPACK_COL_MAJOR, m, n, X.data(), StrideOf(X), tau.data()),
-      0);
-  CHECK_EQ(LAPACKE_dorgqr(
-               LAPACK_COL_MAJOR, m, n, n, X.data(), StrideOf(X), tau.data()),
-           0);
-  return X;
-}
-
 bool Extend(const VectorXd& v, MatrixXd* Q) {
   VectorXd new_part = v;
   for (int pass = 0; pass < 2; ++pass) {
@@ -67,13 +48,11 @@ bool Extend(const VectorXd& v, MatrixXd* Q) {
 std::vector<int> PivotOrder(MatrixXd A) {
   std::vector<lapack_int> order(static_cast<std::size_t>(A.cols()), 0);
   VectorXd tau(std::min(A.rows(), A.cols()));
-  const auto m = static_cast<lapack_int>(A.rows());
-  const auto n = static_cast<lapack_int>(A.cols());
   CHECK_EQ(LAPACKE_dgeqp3(LAPACK_COL_MAJOR,
-                          m,
-                          n,
+                          LapackSize(A.rows()),
+                          LapackSize(A.cols()),
                           A.data(),
-                          StrideOf(A),
+                          LeadingDimension(A),
                           order.data(),
                           tau.data()),
            0);

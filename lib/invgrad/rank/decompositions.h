@@ -1,6 +1,7 @@
-// Orthonormal bases of dense matrices: right singular vectors, and QR by LAPACK.
+// Right singular vectors of dense matrices, bases that grow, and the order of
+// columns; for QR decompositions use internal/qr.h.
 //
-//   A = U diag(s) V^T,   X = Q R,   A P = Q R
+//   A = U diag(s) V^T,   A P = Q R
 //
 // O(m n min(m, n)) for m x n. s and V are NaN if the SVD (core/dense_svd.h) does
 // not converge, or if A is not finite.
@@ -18,9 +19,6 @@ struct RightSvd {
   Eigen::MatrixXd V;  // n x n: null vectors included
 };
 RightSvd ComputeRightSvd(Eigen::MatrixXd A);
-
-// Q, m x n, of the m x n matrix X, m >= n.
-Eigen::MatrixXd Orthonormalized(Eigen::MatrixXd X);
 
 // Appends v to Q's orthonormal columns, orthonormalized. Returns false if v, of
 // length one, lies in their span up to 1e-4.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/localized_basis.h"
 

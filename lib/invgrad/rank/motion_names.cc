@@ -5,9 +5,10 @@
 #include <optional>
 
 #include "Eigen/Geometry"
-#include "Eigen/QR"
 #include "fmt/core.h"
 #include "fmt/ranges.h"
+#include "invgrad/core/small_svd.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/io/format.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/localized_basis.h"
@@ -132,10 +133,9 @@ class FieldNames {
       if (IsAlone(*landmark)) fixed.landmark = landmark;
       return fixed;
     }
-    Eigen::CompleteOrthogonalDecomposition<MatrixXd> solver(3 * fields.cols(),
-                                                            3);
-    solver.setThreshold(kNegligible);
-    fixed.point = solver.compute(fixed.M).solve(fixed.v);
+    SmallSvd svd;
+    svd.Compute(fixed.M);
+    fixed.point = svd.InversePowerTimes(1.0, kNegligible, fixed.v);
     if (!(fixed.DistanceTo(fixed.point) <= kNegligible)) return std::nullopt;
     return fixed;
   }
@@ -175,8 +175,10 @@ class FieldNames {
   void NameRotations(MatrixXd fields) {
     if (fields.cols() == 0) return;
     const MatrixXd deltas = fields.middleRows<3>(3);
-    const MatrixXd axes = UnitVectorsFirst(Orthonormalized(deltas));
-    fields *= deltas.colPivHouseholderQr().solve(axes);
+    const ThinQr qr(deltas);
+    const MatrixXd axes = UnitVectorsFirst(qr.Q);
+    fields *= qr.R.triangularView<Eigen::Upper>().solve(
+        MatrixXd(qr.Q.transpose() * axes));
     fields.middleRows<3>(3) = axes;
     const std::optional<FixedPoints> common = Find(fields);
     for (const auto field : fields.colwise()) {

@@ -14,6 +14,7 @@
 #include "invgrad/core/dense_svd.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/qr.h"
 #include "invgrad/rank/decompositions.h"
 
 namespace invgrad {
