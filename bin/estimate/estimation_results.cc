@@ -81,6 +81,7 @@ void SetResults(const Method& method,
   // The cost is -1 if the run failed at its start.
   if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
   if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
+  row->constant_cost = estimation.ConstantCost();
   row->num_iterations = summary.num_steps();
   for (size_t k = 1; k < summary.iterations.size(); ++k) {
     ++(summary.iterations[k].step_is_successful ? row->num_accepted

@@ -49,6 +49,20 @@ std::vector<std::string> MethodsOf(const std::vector<EstimationRow>& rows) {
   return methods;
 }
 
+// Of each input's costs. A bad start does not raise it; 0 if nothing is known.
+std::map<std::string, double> CostScales(
+    const std::vector<EstimationRow>& rows) {
+  std::map<std::string, double> scales;
+  for (const EstimationRow& row : rows) {
+    double& scale = scales[row.input];
+    for (const double cost : {row.initial_cost, row.constant_cost}) {
+      if (!std::isfinite(cost) || cost <= 0.0) continue;
+      scale = scale > 0.0 ? std::min(scale, cost) : cost;
+    }
+  }
+  return scales;
+}
+
 // The highest cost that counts as the cost `low`, which two runs reach with
 // different rounding errors. `zero`: the highest cost that counts as 0.
 double HighestSameCost(double low, double share, double zero) {
@@ -64,11 +78,10 @@ bool IsSolved(const EstimationRow& row) {
 std::vector<std::pair<std::string, int>> LeastCostCounts(
     const std::vector<EstimationRow>& rows) {
   constexpr double kSameCost = 1e-6;
-  constexpr double kZero = 1e-16;  // of the initial cost
-  std::map<std::string, double> least_cost, zero;
+  constexpr double kZero = 1e-16;
+  std::map<std::string, double> scales = CostScales(rows);
+  std::map<std::string, double> least_cost;
   for (const EstimationRow& row : rows) {
-    double& of_start = zero[row.start];
-    of_start = std::fmax(of_start, kZero * row.initial_cost);
     if (!std::isfinite(row.final_cost)) continue;
     const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
     if (!is_new) it->second = std::min(it->second, row.final_cost);
@@ -77,10 +90,10 @@ std::vector<std::pair<std::string, int>> LeastCostCounts(
   for (const std::string& method : MethodsOf(rows)) {
     int count = 0;
     for (const EstimationRow& row : rows) {
-      count += row.method == method &&
+      count += row.method == method && std::isfinite(row.final_cost) &&
                row.final_cost <= HighestSameCost(least_cost[row.start],
                                                  kSameCost,
-                                                 zero[row.start]);
+                                                 kZero * scales[row.input]);
     }
     counts.emplace_back(method, count);
   }
@@ -89,14 +102,13 @@ std::vector<std::pair<std::string, int>> LeastCostCounts(
 
 Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
   constexpr double kSameCost = 1e-4;
+  constexpr double kZero = 1e-12;
   constexpr size_t kMaxNumMinima = 10;
+  std::map<std::string, double> scales = CostScales(rows);
   std::map<std::string, std::set<std::string>> starts;
   std::map<std::string, std::vector<double>> costs;
-  std::map<std::string, double> zero;  // of an input's costs
   for (const EstimationRow& row : rows) {
     starts[row.input].insert(row.start);
-    double& of_input = zero[row.input];
-    of_input = std::fmax(of_input, 1e-12 * row.initial_cost);
     if (std::isfinite(row.final_cost))
       costs[row.input].push_back(row.final_cost);
   }
@@ -106,8 +118,8 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
     std::vector<double>& ends = input_and_ends.second;
     if (starts[input].size() < 2) continue;
     std::sort(ends.begin(), ends.end());
-    const auto end_of = [of_input = zero[input]](double low) {
-      return HighestSameCost(low, kSameCost, of_input);
+    const auto end_of = [zero = kZero * scales[input]](double low) {
+      return HighestSameCost(low, kSameCost, zero);
     };
     const bool has_one = ends.back() <= end_of(ends[0]);
     if (has_one && costs.size() > 1) continue;

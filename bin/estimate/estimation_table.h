@@ -20,6 +20,8 @@ struct EstimationRow {
   std::string method;  // its label
   double initial_cost = std::numeric_limits<double>::quiet_NaN();
   double final_cost = std::numeric_limits<double>::quiet_NaN();
+  // Of the constant that fits the input's data best, if that is known.
+  double constant_cost = std::numeric_limits<double>::quiet_NaN();
   int num_iterations = 0;
   int num_accepted = 0;  // steps
   int num_rejected = 0;
@@ -43,16 +45,19 @@ struct EstimationRow {
 // Whether the run is a solution, as far as that is known.
 bool IsSolved(const EstimationRow& row);
 
+// The scale of an input's costs is the least initial cost of its runs or the
+// cost of a constant, if that is less.
+
 // For each method, from how many starts it reached the least cost of all
-// methods, up to 1e-6 of it and 1e-16 of the initial cost, in the order of the
-// methods' first runs.
+// methods, up to 1e-6 of it and 1e-16 of the scale, in the order of the methods'
+// first runs. A run whose cost is not finite reaches none.
 std::vector<std::pair<std::string, int>> LeastCostCounts(
     const std::vector<EstimationRow>& rows);
 
 // For each input with several starts, the costs at which runs ended, up to 1e-4
-// of them and 1e-12 of the initial cost, and how many runs of each method ended
-// there: its local minima, if the runs converged. The ten lowest; of several
-// inputs those with more than one.
+// of them and 1e-12 of the scale, and how many runs of each method ended there:
+// its local minima, if the runs converged. The ten lowest; of several inputs
+// those with more than one.
 Table LocalMinimaTable(const std::vector<EstimationRow>& rows);
 
 // One row per run, for people; or with all digits, for CSV. `levels`: those of

@@ -10,6 +10,7 @@
 #ifndef PROBLEMS_ESTIMATION_ESTIMATION_H_
 #define PROBLEMS_ESTIMATION_ESTIMATION_H_
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -82,6 +83,12 @@ class Estimation {
   virtual std::optional<bool> IsSolved(double /*initial_cost*/,
                                        double /*final_cost*/) const {
     return {};
+  }
+
+  // The cost of the constant that fits the data best, of a regression, without a
+  // robust loss; NaN if it is not known.
+  virtual double ConstantCost() const {
+    return std::numeric_limits<double>::quiet_NaN();
   }
 
   // What makes the current parameters doubtful, if anything: of a regression,

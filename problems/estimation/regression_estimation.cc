@@ -96,7 +96,14 @@ class RegressionEstimation final : public Estimation {
     return IsNistSolution(*digits);
   }
 
-  // The sums of squares are without a robust loss, which a run may have.
+  double ConstantCost() const override {
+    const Eigen::ArrayXd y = regression_.responses.array();
+    const Eigen::ArrayXd w = regression_.weights.array().square();
+    const double mean = (w * y).sum() / w.sum();
+    return 0.5 * (w * (y - mean).square()).sum();
+  }
+
+  // The costs are without a robust loss, which a run may have.
   std::string Doubt() const override {
     const Eigen::ArrayXd y = regression_.responses.array();
     const Eigen::ArrayXd w = regression_.weights.array().square();
@@ -107,9 +114,8 @@ class RegressionEstimation final : public Estimation {
       const Eigen::VectorXd x = regression_.predictors.row(i);
       f[i] = regression_.value(x.data(), b_.data());
     }
-    const double mean = (w * y).sum() / w.sum();
-    const double of_constant = (w * (y - mean).square()).sum();
-    const double of_model = (w * (y - f).square()).sum();
+    const double of_constant = ConstantCost();
+    const double of_model = 0.5 * (w * (y - f).square()).sum();
     constexpr double kNoBetter = 0.99;
     // One parameter may be the constant.
     return b_.size() > 1 && of_constant > 0.0 &&

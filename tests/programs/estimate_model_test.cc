@@ -207,6 +207,18 @@ TEST_F(EstimateModel, ParametersAtTheirBoundsCountAsConstant) {
   }
 }
 
+// From a cost of 1e34, where rounding errors exceed the minima.
+TEST_F(EstimateModel, CountsTheLeastCostFromABadStart) {
+  const Output output =
+      RunQuietly(WriteText("decay.csv", "t,y\n0,3\n1,2\n2,1.4\n3,1.2\n4,1.1\n"),
+                 "run",
+                 {"--model=a*exp(-k*t)+c",
+                  "--start_values=a=1,k=-10,c=0",
+                  "--max_iterations=40",
+                  "--methods=ceres_lm,ceres_bfgs"});
+  ExpectSays(output, {"1 of 1", "0 of 1"});
+}
+
 // In units in which a parameter is 1e-12 and its start is zero.
 TEST_F(EstimateModel, UnitsOfParametersDoNotMatter) {
   std::string text = "x,y\n";

@@ -1,5 +1,7 @@
 // The program estimate on registered least-squares problems.
 
+#include <cmath>
+#include <limits>
 #include <set>
 #include <string>
 #include <utility>
@@ -62,27 +64,60 @@ TEST_F(EstimateProblems, ComparesSeveralProblemsFromSeeds) {
   EXPECT_NE(report.find("performance profile"), std::string::npos);
 }
 
+using Counts = std::vector<std::pair<std::string, int>>;
+
+EstimationRow RowOf(const std::string& start,
+                    const std::string& method,
+                    double initial_cost,
+                    double final_cost) {
+  EstimationRow row;
+  row.start = start;
+  row.method = method;
+  row.initial_cost = initial_cost;
+  row.final_cost = final_cost;
+  return row;
+}
+
 // At a minimum of zero, costs are what rounding and the last step left.
 TEST(LeastCostCounts, ACostOfZeroIsReachedUpToRounding) {
-  const auto row = [](const std::string& start,
-                      const std::string& method,
-                      double final_cost) {
-    EstimationRow run;
-    run.start = start;
-    run.method = method;
-    run.initial_cost = 24.0;
-    run.final_cost = final_cost;
-    return run;
-  };
-  const std::vector<std::pair<std::string, int>> expected = {{"a", 2},
-                                                             {"b", 2}};
-  EXPECT_EQ(LeastCostCounts({row("1", "a", 1e-31),
-                             row("1", "b", 1e-18),
-                             row("2", "a", 0.5),
-                             row("2", "b", 0.0),
-                             row("3", "a", 2.0),
-                             row("3", "b", 2.0 + 1e-5)}),
-            expected);
+  EXPECT_EQ(LeastCostCounts({RowOf("1", "a", 24.0, 1e-31),
+                             RowOf("1", "b", 24.0, 1e-18),
+                             RowOf("2", "a", 24.0, 0.5),
+                             RowOf("2", "b", 24.0, 0.0),
+                             RowOf("3", "a", 24.0, 2.0),
+                             RowOf("3", "b", 24.0, 2.0 + 1e-5)}),
+            (Counts{{"a", 2}, {"b", 2}}));
+}
+
+// Rounding errors are not those of a start far away.
+TEST(LeastCostCounts, ABadStartDoesNotMakeCostsEqual) {
+  EXPECT_EQ(LeastCostCounts({RowOf("1", "a", 1e34, 1.0),
+                             RowOf("1", "b", 1e34, 8.0),
+                             RowOf("2", "a", 24.0, 1e-31),
+                             RowOf("2", "b", 24.0, 1e-18)}),
+            (Counts{{"a", 2}, {"b", 1}}));
+  EstimationRow good = RowOf("1", "a", 1e34, 1.0);
+  good.constant_cost = 24.0;
+  EXPECT_EQ(LeastCostCounts({good, RowOf("1", "b", 1e34, 8.0)}),
+            (Counts{{"a", 1}, {"b", 0}}));
+}
+
+TEST(LeastCostCounts, ACostThatIsNotFiniteDoesNotCount) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(LeastCostCounts({RowOf("1", "a", kInfinity, kInfinity),
+                             RowOf("1", "b", kInfinity, std::nan("")),
+                             RowOf("2", "a", kInfinity, kInfinity),
+                             RowOf("2", "b", kInfinity, 1.0)}),
+            (Counts{{"a", 0}, {"b", 1}}));
+}
+
+TEST(LocalMinimaTable, ABadStartDoesNotMakeMinimaEqual) {
+  const Table table = LocalMinimaTable({RowOf("1", "a", 1e34, 0.25),
+                                        RowOf("2", "a", 24.0, 0.5),
+                                        RowOf("3", "a", 24.0, 0.5)});
+  ASSERT_EQ(table.rows().size(), 3u);  // with the titles
+  EXPECT_EQ(table.rows()[1].back(), "1");
+  EXPECT_EQ(table.rows()[2].back(), "2");
 }
 
 TEST_F(EstimateProblems, GoesOnWithWhatIsMissing) {
