@@ -24,7 +24,9 @@
 // as sparse in the others as a Schur complement.
 //
 // L has the same minima as the problem, at the same cost. LM needs no start for
-// c, and mostly fewer iterations (docs/results/fits.md).
+// c, and mostly fewer iterations (docs/results/fits.md). But with a loss whose
+// rho' is 0 far away (TukeyLoss), the minimum over c is a local one, which
+// depends on the start of c.
 //
 // Linear parameters that the residuals do not determine have the least norm, in
 // units of the lengths of their columns of Phi (linear_projection.h), and

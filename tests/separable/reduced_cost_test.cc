@@ -271,5 +271,47 @@ TEST(ReducedCost, OfNarrowLossesIsStationaryInTheLinearParameters) {
   }
 }
 
+// y = c_0 + c_1 exp(-a t)
+struct DecayToALevel {
+  double t;
+  double y;
+
+  template <typename T>
+  bool operator()(const T* c, const T* a, T* r) const {
+    using std::exp;
+    r[0] = c[0] + c[1] * exp(-a[0] * t) - y;
+    return true;
+  }
+};
+
+// From c = 0 all rows lie beyond the width, where the loss is constant and no
+// row has a weight.
+TEST(ReducedCost, OfARedescendingLossLeavesThePlateau) {
+  for (const double level : {0.0, 20.0}) {
+    double a = 0.4;
+    double c[2] = {level, 0.0};
+    ceres::Problem problem;
+    for (int i = 0; i < 20; ++i) {
+      const double y = 20.0 + 3.0 * std::exp(-0.5 * i) + (i == 4 ? 5.0 : 0.0);
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<DecayToALevel, 1, 2, 1>(
+              new DecayToALevel{1.0 * i, y}),
+          new ceres::TukeyLoss(1.0),
+          c,
+          &a);
+    }
+    const auto separable = Reduce({{c, {}}}, &problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(Exact(), separable->reduced(), &summary);
+    std::string error;
+    ASSERT_TRUE(separable->SolveLinear(&error)) << error;
+    EXPECT_EQ(separable->rank(), 2);
+    EXPECT_NEAR(c[0], 20.0, 1e-6);
+    EXPECT_NEAR(c[1], 3.0, 1e-6);
+    EXPECT_NEAR(a, 0.5, 1e-6);
+    EXPECT_NEAR(summary.final_cost, 1.0 / 6.0, 1e-12);  // of the outlier
+  }
+}
+
 }  // namespace reduced_cost_test
 }  // namespace invgrad

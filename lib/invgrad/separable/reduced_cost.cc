@@ -101,9 +101,33 @@ bool ReducedCost::RobustCost(const VectorXd& r,
 bool ReducedCost::Reweight(const VectorXd& r_0,
                            const MatrixXd& Phi,
                            std::string* error) const {
-  c_ = start_;
-  r_ = r_0 + Phi * c_;
   double cost;
+  if (!ReweightFrom(start_, r_0, Phi, &cost, error)) return false;
+  if (projection_->rank() == Phi.cols()) return true;
+  const LinearProjection unweighted(Phi, rank_threshold_);
+  if (projection_->rank() == unweighted.rank()) return true;
+  // Rows beyond the width of a loss have no weight.
+  const VectorXd c = c_;
+  const VectorXd r = r_;
+  const LinearProjection projection = *projection_;
+  double other_cost;
+  const VectorXd least_squares = -unweighted.Solve(r_0);
+  if (!ReweightFrom(least_squares, r_0, Phi, &other_cost, error)) return false;
+  if (other_cost < cost) return true;
+  c_ = c;
+  r_ = r;
+  projection_ = projection;
+  return true;
+}
+
+bool ReducedCost::ReweightFrom(const VectorXd& start,
+                               const VectorXd& r_0,
+                               const MatrixXd& Phi,
+                               double* lowest,
+                               std::string* error) const {
+  c_ = start;
+  r_ = r_0 + Phi * c_;
+  double& cost = *lowest;
   VectorXd weights;
   if (!RobustCost(r_, &cost, &weights, error)) return false;
   double damping = 0.1;

@@ -25,7 +25,9 @@
 // norm, where reweighting may need far more steps than 200: damped Newton steps
 // come after these, 100 at most. For losses of width 1e-6 to 0.03 at residuals
 // of 0.05 to 1 the gradient then has errors below 1e-4. Reweighting starts from
-// the c of the last state with a Jacobian, which an accepted step leads to.
+// the c of the last state with a Jacobian, which an accepted step leads to. If
+// rows that lose their weight (rho' = 0) leave c open, it starts again from the c
+// of least squares, and the lower cost counts.
 //
 // Cost:    an evaluation without Jacobian is one of r and Phi and a
 //          decomposition; with Jacobian, one of r, A and Phi more, and p + 1
@@ -77,6 +79,11 @@ class ReducedCost final : public ceres::CostFunction {
   bool Reweight(const Eigen::VectorXd& r_0,
                 const Eigen::MatrixXd& Phi,
                 std::string* error) const;
+  bool ReweightFrom(const Eigen::VectorXd& start,
+                    const Eigen::VectorXd& r_0,
+                    const Eigen::MatrixXd& Phi,
+                    double* lowest,
+                    std::string* error) const;
   bool RobustCost(const Eigen::VectorXd& r,
                   double* cost,
                   Eigen::VectorXd* weights,
