@@ -8,6 +8,7 @@
 #include "Eigen/LU"
 #include "Eigen/SVD"
 #include "Eigen/SparseCore"
+#include "invgrad/core/union_find.h"
 #include "invgrad/covariance/sparse_cholesky.h"
 #include "problems/estimation/motion.h"
 #include "problems/estimation/pose_graph.h"
@@ -29,11 +30,33 @@ struct LinearEdge {
   Index to;
 };
 
+// Whether edges of positive weight connect all blocks with a fixed one or with
+// the world, which is the first element; block k is element k + 1.
+bool AreAllConnected(const std::vector<LinearEdge>& edges,
+                     const std::vector<bool>& is_fixed) {
+  UnionFind elements(is_fixed.size() + 1);
+  const auto join = [&elements](Index a, Index b) {
+    elements.Join(static_cast<int>(a) + 1, static_cast<int>(b) + 1);
+  };
+  const auto num_blocks = static_cast<Index>(is_fixed.size());
+  for (Index k = 0; k < num_blocks; ++k) {
+    if (is_fixed[k]) join(-1, k);
+  }
+  for (const LinearEdge& edge : edges) {
+    if (edge.weight > 0.0) join(edge.from, edge.to);
+  }
+  for (Index k = 0; k < num_blocks; ++k) {
+    if (elements.Find(static_cast<int>(k) + 1) != 0) return false;
+  }
+  return true;
+}
+
 // Minimizes the sum over the edges in the blocks X that are not fixed. Returns
 // false if the minimum is not unique or not finite.
 bool MinimizeEdges(const std::vector<LinearEdge>& edges,
                    const std::vector<bool>& is_fixed,
                    std::vector<MatrixXd>* X) {
+  if (!AreAllConnected(edges, is_fixed)) return false;
   const Index size = X->front().rows();
   std::vector<Index> columns(X->size(), -1);
   Index num_columns = 0;

@@ -16,9 +16,9 @@
 //
 // Cost:    two sparse Cholesky decompositions, with d N and N columns for N
 //          poses.
-// Fails:   returns false, and leaves the poses unchanged, if the edges do not
-//          connect all poses with a constant one or a prior, or if a number is
-//          not finite.
+// Fails:   returns false, and leaves the poses unchanged, if the edges with
+//          w > 0, or those with u > 0, do not connect all poses with a constant
+//          one or a prior, or if a number is not finite.
 // Source:  Carlone, Tron, Daniilidis, Dellaert. Initialization techniques for
 //          3D SLAM. ICRA 2015, section III-B (rotations, first proposed by
 //          Martinez et al., 2010).

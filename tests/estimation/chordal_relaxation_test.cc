@@ -141,5 +141,44 @@ TEST(ChordalRelaxation, WithoutAPathToAFixedPoseNothingChanges) {
   EXPECT_EQ(graph.poses, before);
 }
 
+// Two rings: of the second one the decomposition sees rounding errors.
+TEST(ChordalRelaxation, WithoutAPathToAFixedPoseARingStays) {
+  for (const int dimension : {2, 3}) {
+    for (int num_poses = 4; num_poses < 20; ++num_poses) {
+      PoseGraph graph = ExactGraph(dimension, num_poses);
+      const std::vector<PoseGraph::Edge> ring = graph.edges;
+      for (PoseGraph::Edge edge : ring) {
+        edge.from += num_poses;
+        edge.to += num_poses;
+        graph.edges.push_back(edge);
+      }
+      graph.poses = graph.poses.replicate(1, 2).eval();
+      graph.ids.resize(2 * num_poses);
+      const Eigen::MatrixXd before = graph.poses;
+      EXPECT_FALSE(RelaxChordally(&graph)) << dimension << ", " << num_poses;
+      EXPECT_EQ(graph.poses, before);
+    }
+  }
+}
+
+// Edges without information on positions, or on rotations, connect nothing.
+TEST(ChordalRelaxation, AnEdgeOfNoWeightIsNoPath) {
+  for (const int dimension : {2, 3}) {
+    for (const bool has_positions : {false, true}) {
+      PoseGraph graph = ExactGraph(dimension, 8);
+      for (PoseGraph::Edge& edge : graph.edges) {
+        auto& information = edge.information;
+        if (edge.from != 0 && edge.to != 0) continue;
+        information.diagonal().head(dimension) *= has_positions ? 1.0 : 0.0;
+        information.diagonal().tail(information.rows() - dimension) *=
+            has_positions ? 0.0 : 1.0;
+      }
+      const Eigen::MatrixXd before = graph.poses;
+      EXPECT_FALSE(RelaxChordally(&graph));
+      EXPECT_EQ(graph.poses, before);
+    }
+  }
+}
+
 }  // namespace chordal_relaxation_test
 }  // namespace invgrad
