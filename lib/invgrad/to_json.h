@@ -5,8 +5,10 @@
 //   {"schema": {"name": "invgrad.rank_report", "version": 1}, "cost": 0.5, ...}
 //
 // The members have the names of the C++ members, in their order, after
-// "schema". docs/json.md lists all of them, with types and units. Members may
-// be added to a version; those that it has keep their names and meanings.
+// "schema". A fit has status as its StatusText(), undetermined as
+// "undetermined_shares", and what its functions return. docs/json.md lists all
+// members, with types and units. Members may be added to a version; those that
+// it has keep their names and meanings.
 //
 // Numbers:  the shortest decimal number that reads back as the same double. A
 //           number that is not finite (an infinite standard deviation, NaN) is
@@ -68,16 +70,22 @@ void to_json(nlohmann::ordered_json& json, const FitResult<N>& fit) {
     for (int j = 0; j < N; ++j) covariance[i][j] = fit.covariance(i, j);
   }
   json = {{"schema", JsonSchema("fit")},
-          {"status", FitStatusText(fit.status)},
+          {"status", fit.StatusText()},
           {"is_converged", fit.IsConverged()},
           {"initial_cost", fit.initial_cost},
           {"cost", fit.cost},
+          {"invalid_row", fit.invalid_row},
+          {"invalid_parameter", fit.invalid_parameter},
+          {"valid_value", fit.valid_value},
           {"num_iterations", fit.num_iterations},
           {"num_rows", fit.num_rows},
           {"x", x},
           {"standard_errors", standard_errors},
           {"undetermined_shares", undetermined_shares},
           {"rank", fit.rank},
+          {"predicted_decrease", fit.predicted_decrease},
+          {"equal_parameter", fit.equal_parameter},
+          {"equal_to", fit.equal_to},
           {"residual_variance", fit.residual_variance},
           {"covariance", covariance}};
 }

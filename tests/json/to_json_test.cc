@@ -188,6 +188,38 @@ TEST(ToJson, AFitIsThatOfThePage) {
   EXPECT_NEAR(json[0]["undetermined_shares"][1], 0.5, 1e-12);
 }
 
+// r = log(x - i)
+struct Logarithm {
+  template <typename T>
+  bool operator()(int /*data_set*/, int i, const T* x, T* residual) const {
+    using std::log;
+    *residual = log(x[0] - 1.0 * i);
+    return true;
+  }
+};
+
+TEST(ToJson, AFitsStatusIsThatOfItsRemarks) {
+  std::vector<FitResult<1>> fits(2);
+  fits[0].x << 0.5;
+  fits[1].x << 2.0;
+  FitMany(FitOptions(), Logarithm(), {1, 3}, &fits);
+  fits[0].predicted_decrease = 0.03;  // far from a minimum
+  fits[0].equal_parameter = 0;
+  fits[0].equal_to = 0;
+  const nlohmann::json json = Read(fits);
+  EXPECT_FALSE(json[0]["is_converged"]);
+  EXPECT_EQ(json[0]["status"], fits[0].StatusText());
+  EXPECT_EQ(json[0]["predicted_decrease"], 0.03);
+  EXPECT_EQ(json[0]["invalid_row"], -1);
+  EXPECT_EQ(json[0]["equal_parameter"], 0);
+  EXPECT_EQ(json[0]["equal_to"], 0);
+  // The start of the second one has no value in row 2.
+  EXPECT_EQ(json[1]["status"], fits[1].StatusText());
+  EXPECT_EQ(json[1]["invalid_row"], 2);
+  EXPECT_EQ(json[1]["invalid_parameter"], 0);
+  EXPECT_EQ(json[1]["valid_value"].get<double>(), fits[1].valid_value);
+}
+
 TEST(ToJson, HasTheValuesOfTheRankReport) {
   const Sums sums;
   const RankReport report = Report(sums.problem(), sums.RankOptions());
