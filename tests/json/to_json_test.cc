@@ -283,6 +283,13 @@ TEST(ToJson, NumbersThatAreNotFiniteAreNull) {
   EXPECT_EQ(json["total_time_in_seconds"].get<double>(), 5e-324);
 }
 
+TEST(ToJson, ADomainFailureAtTheStartIsOne) {
+  DomainFailure failure = SomeDomainFailure();
+  EXPECT_EQ(Read(failure)["is_start"], false);
+  failure.is_start = true;
+  EXPECT_EQ(Read(failure)["is_start"], true);
+}
+
 TEST(ToJson, EveryReasonHasItsName) {
   using Reason = DomainFailure::Reason;
   DomainFailure failure;

@@ -174,6 +174,7 @@ void to_json(Json& json, const DomainFailure& failure) {
           {"num_failing_blocks", failure.num_failing_blocks},
           {"fails_at_good_state", failure.fails_at_good_state},
           {"only_without_jacobians", failure.only_without_jacobians},
+          {"is_start", failure.is_start},
           {"parameters", failure.parameters}};
 }
 
