@@ -76,7 +76,7 @@ namespace invgrad {
 // (simulator_pull_back.h). Then there is batch_size, of the next step. The last
 // one is simulator_calls, which the steps have made until then
 // (chain/counted_simulator.h); like the seconds, evaluations of losses do not
-// count. Files without this column are read, too.
+// count.
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. An unknown value is an empty field (NaN in memory); an
