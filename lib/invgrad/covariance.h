@@ -103,7 +103,8 @@ class Covariance {
   Eigen::MatrixXd TangentBlock(const double* a, const double* b) const;
   Eigen::MatrixXd AmbientBlock(const double* a, const double* b) const;
   // C_ij / sqrt(C_ii C_jj), in tangent directions; NaN where a standard
-  // deviation is zero or infinite. Needs (a, a) and (b, b), too.
+  // deviation is zero or infinite, and for a constant block. Needs (a, a) and
+  // (b, b), too.
   Eigen::MatrixXd Correlations(const double* a, const double* b) const;
 
   const std::vector<Block>& blocks() const { return blocks_; }

@@ -258,6 +258,9 @@ TEST(Covariance, MarksWhatTheDataDoNotDetermine) {
     EXPECT_TRUE(std::isnan(covariance.Correlations(partly, partly)(0, 1)));
     EXPECT_EQ(covariance.TangentBlock(constant, x).rows(), 3);
     EXPECT_TRUE(covariance.AmbientBlock(constant, x).isZero(0.0));
+    EXPECT_TRUE(covariance.Correlations(constant, x).array().isNaN().all());
+    EXPECT_EQ(covariance.Correlations(x, constant).rows(), 2);
+    EXPECT_EQ(covariance.Correlations(x, constant).cols(), 3);
     EXPECT_TRUE(covariance.TangentBlock(x, partly).isZero(0.0));
     const std::string text = covariance.ToText();
     EXPECT_NE(text.find("`block 0`[0]  1  +/- 0.5 (no error bar: 50 % not "

@@ -350,7 +350,11 @@ MatrixXd Covariance::AmbientBlock(const double* a, const double* b) const {
 }
 
 MatrixXd Covariance::Correlations(const double* a, const double* b) const {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   MatrixXd result = TangentBlock(a, b);
+  if (constant_sizes_.count(a) + constant_sizes_.count(b) > 0) {
+    return result.setConstant(kNaN);
+  }
   const VectorXd& s_a = block(a).standard_deviations;
   const VectorXd& s_b = block(b).standard_deviations;
   CHECK(s_a.size() == result.rows() && s_b.size() == result.cols())
@@ -358,9 +362,8 @@ MatrixXd Covariance::Correlations(const double* a, const double* b) const {
   for (Index j = 0; j < result.cols(); ++j) {
     for (Index i = 0; i < result.rows(); ++i) {
       const double scale = s_a[i] * s_b[j];
-      result(i, j) = scale > 0.0 && std::isfinite(scale)
-                         ? result(i, j) / scale
-                         : std::numeric_limits<double>::quiet_NaN();
+      const bool is_known = scale > 0.0 && std::isfinite(scale);
+      result(i, j) = is_known ? result(i, j) / scale : kNaN;
     }
   }
   return result;
