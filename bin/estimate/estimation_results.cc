@@ -1,5 +1,6 @@
 #include "bin/estimate/estimation_results.h"
 
+#include <cmath>
 #include <limits>
 
 #include "Eigen/Core"
@@ -13,10 +14,13 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::string Status(const Method& method, const MinimizerSummary& summary) {
   const ceres::TerminationType type = summary.termination_type;
-  if (type == ceres::USER_SUCCESS) return "interrupted";
-  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
+  if (type == ceres::FAILURE || type == ceres::USER_FAILURE) {
     return "failed: " + summary.message;
   }
+  if (!std::isfinite(summary.final_cost)) {
+    return "failed: the cost is not finite";
+  }
+  if (type == ceres::USER_SUCCESS) return "interrupted";
   const bool is_late =  // the message is of Ceres or ours
       summary.message.rfind("Maximum solver time", 0) == 0;
   const bool is_at_bounds =
@@ -98,7 +102,8 @@ void SetResults(const Method& method,
   row->digits = estimation.Digits();
   row->status = Status(method, summary);
   row->has_failed = summary.termination_type == ceres::FAILURE ||
-                    summary.termination_type == ceres::USER_FAILURE;
+                    summary.termination_type == ceres::USER_FAILURE ||
+                    !std::isfinite(summary.final_cost);
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {

@@ -80,6 +80,20 @@ TEST_F(EstimateGraph, SolvesPriorsAndLandmarks) {
   ExpectSays(output_, {"3 poses, 1 landmarks, 6 edges", "11 of 11"});
 }
 
+TEST_F(EstimateGraph, ACostThatIsNotFiniteIsAFailure) {
+  const Output output =
+      Run({"--input=" + WriteText("far.g2o",
+                                  "VERTEX_SE2 0 0 0 0\n"
+                                  "VERTEX_SE2 1 1e300 0 0\n"
+                                  "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"),
+           "--methods=ceres_lm",
+           "--noplots",
+           "--noprogress",
+           "--output=" + Path("far")});
+  EXPECT_EQ(output.exit_code, 3) << output.text;
+  ExpectSays(output, {"failed: the cost is not finite", "0 of 1"});
+}
+
 TEST_F(EstimateGraph, RefusesOtherTagsByName) {
   ExpectRefused({"--input=" + WriteText("bearing.g2o",
                                         "VERTEX_SE2 0 0 0 0\nVERTEX_XY 1 1 1\n"
