@@ -166,8 +166,8 @@ class ValueResidual final : public Simulator {
 //
 // The samples of the other terms stay.
 // Cost:    a forward pass of 4 N points by residual, and the jets of N points.
-// Fails:   functions of the trial function that are not finite at a point are
-//          CHECKed, because the whole box is their domain.
+// Fails:   where EquationSamples fails, Batch logs why, and its inputs are NaN:
+//          the run ends without a finite loss.
 //
 // [1] Wu, Zhu, Tan, Kartha, Lu. A comprehensive study of non-adaptive and
 //     residual-based adaptive sampling for physics-informed neural networks.

@@ -87,13 +87,33 @@ TEST(RenewedPoints, RefuseSmallBatches) {
             "take 0, all 48 samples");
 }
 
-TEST(RenewedPoints, PointsWithoutAFiniteDistanceEndTheRun) {
+// With a finite distance only at t <= 1/2, where the first points are.
+Equation DecayWithoutDistance() {
   Equation decay = DecayEquation(1.0);
   decay.trial.distance = [](const InputJet* a, InputJet* d) {
     d[0] = a[0].value() <= 0.5 ? a[0] : InputJet(INFINITY);
   };
   decay.terms[0].points = GaussPoints(
       {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(0.5, 1.0)}, {6, 8});
+  return decay;
+}
+
+TEST(RenewedPoints, ABatchThatCannotBeMadeHasItsSizes) {
+  const Equation decay = DecayWithoutDistance();
+  const Model model = EquationModel(decay);
+  const RenewedPoints points(decay, kDecayBox, {10, false});
+  const DataSet samples =
+      points.Batch(0, kNumPoints, model, VectorXd::Zero(model.num_weights()));
+  EXPECT_EQ(samples.inputs.rows(), model.num_inputs());
+  EXPECT_EQ(samples.inputs.cols(), kNumPoints);
+  EXPECT_TRUE(samples.inputs.array().isNaN().all());
+  EXPECT_EQ(samples.contexts.cols(), kNumPoints);
+  EXPECT_TRUE(samples.contexts.isZero(0.0));
+  EXPECT_EQ(samples.targets.cols(), kNumPoints);
+}
+
+TEST(RenewedPoints, PointsWithoutAFiniteDistanceEndTheRun) {
+  const Equation decay = DecayWithoutDistance();
   for (const bool by_residual : {false, true}) {
     const TrainingData data = RenewedData(decay, {10, by_residual});
     TrainOptions options;

@@ -77,7 +77,11 @@ DataSet RenewedPoints::Batch(long step,
   if (!EquationSamples(equation, &samples, &error)) {
     // A batch without a finite loss ends the run.
     LOG(ERROR) << Name() << ": " << error;
-    samples.inputs.setConstant(std::numeric_limits<double>::quiet_NaN());
+    samples.inputs.setConstant(model.num_inputs(),
+                               batch_size,
+                               std::numeric_limits<double>::quiet_NaN());
+    samples.contexts.setZero(model.simulator().num_context(), batch_size);
+    samples.targets.setZero(model.simulator().num_outputs(), batch_size);
   }
   return samples;
 }
