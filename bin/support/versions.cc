@@ -12,21 +12,19 @@
 #include "invgrad/version.h"
 
 namespace invgrad {
-namespace {
 
-std::string CpuName() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.rfind("model name", 0) == 0) {
-      return line.substr(line.find(':') + 2);
+std::string CpuName(std::istream& cpuinfo) {
+  for (std::string line; std::getline(cpuinfo, line);) {
+    const std::size_t colon = line.find(": ");
+    if (line.rfind("model name", 0) == 0 && colon != std::string::npos) {
+      return line.substr(colon + 2);
     }
   }
   return "unknown";
 }
 
-}  // namespace
-
 std::vector<std::pair<std::string, std::string>> Versions() {
+  std::ifstream cpuinfo("/proc/cpuinfo");
   return {{"invgrad", INVGRAD_VERSION},
           {"ceres", CERES_VERSION_STRING},
           {"eigen",
@@ -37,7 +35,7 @@ std::vector<std::pair<std::string, std::string>> Versions() {
           {"blas", BlasName()},
           {"blas threads", std::to_string(BlasThreads())},
           {"compiler", __VERSION__},
-          {"cpu", CpuName()}};
+          {"cpu", CpuName(cpuinfo)}};
 }
 
 std::string VersionsText() {

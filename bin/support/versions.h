@@ -2,11 +2,15 @@
 #ifndef BIN_SUPPORT_VERSIONS_H_
 #define BIN_SUPPORT_VERSIONS_H_
 
+#include <istream>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace invgrad {
+
+// The first model name of /proc/cpuinfo; "unknown" if it has none.
+std::string CpuName(std::istream& cpuinfo);
 
 // Versions of program and libraries, kernels and threads of BLAS, compiler and
 // processor: names and values.

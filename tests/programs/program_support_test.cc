@@ -9,12 +9,14 @@
 #include <filesystem>
 #include <limits>
 #include <new>
+#include <sstream>
 #include <string>
 #include <system_error>
 #include <vector>
 
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
+#include "bin/support/versions.h"
 #include "gtest/gtest.h"
 
 namespace invgrad {
@@ -124,6 +126,17 @@ TEST(RunProgramDeathTest, TheCountsAreTheExitCode) {
               }),
               testing::ExitedWithCode(3),
               "program: no run worked");
+}
+
+TEST(Versions, AProcessorMayHaveNoName) {
+  const auto name = [](const std::string& text) {
+    std::istringstream cpuinfo(text);
+    return CpuName(cpuinfo);
+  };
+  EXPECT_EQ(name("processor\t: 0\nmodel name\t: A: B 2\nmodel name\t: C\n"),
+            "A: B 2");
+  EXPECT_EQ(name("model name\t:\n"), "unknown");
+  EXPECT_EQ(name("processor\t: 0\n"), "unknown");
 }
 
 TEST(RunOutput, FileNamesHaveNoSpecialCharacters) {
