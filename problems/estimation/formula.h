@@ -6,6 +6,7 @@
 //   atan2(y, x) pow(a, b) min(a, b) max(a, b) if(condition, a, b)
 //
 // -a^b is -(a^b). log is the natural logarithm. All other names are variables.
+// A condition, comparison, minimum or maximum of NaN is NaN.
 //
 // muParser [1] reads the text. It evaluates doubles only, and differences of
 // them depend on the units of a parameter; so it is given functions that record
@@ -19,6 +20,7 @@
 #define PROBLEMS_ESTIMATION_FORMULA_H_
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -143,6 +145,38 @@ T EvaluateFunction(Formula::Op op, const T& a) {
   }
 }
 
+// NaN, with derivatives of NaN.
+template <typename T>
+T Nan(const T& a) {
+  return std::numeric_limits<double>::quiet_NaN() * a;
+}
+
+template <typename T>
+T EvaluateIf(const T& condition, const T& b, const T& c) {
+  if (condition > 0.0 || condition < 0.0) return b;
+  return condition == 0.0 ? c : Nan(condition);
+}
+
+// Comparisons, minimum and maximum: a NaN is not lost.
+template <typename T>
+T EvaluateComparison(Formula::Op op, const T& a, const T& b) {
+  if (!(a <= b || a > b)) return Nan(a + b);
+  switch (op) {
+    case Formula::Op::kLess:
+      return T(a < b ? 1.0 : 0.0);
+    case Formula::Op::kLessOrEqual:
+      return T(a <= b ? 1.0 : 0.0);
+    case Formula::Op::kGreater:
+      return T(a > b ? 1.0 : 0.0);
+    case Formula::Op::kGreaterOrEqual:
+      return T(a >= b ? 1.0 : 0.0);
+    case Formula::Op::kMin:
+      return b < a ? b : a;
+    default:
+      return a < b ? b : a;
+  }
+}
+
 // The operations of two arguments, without powers.
 template <typename T>
 T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
@@ -156,20 +190,10 @@ T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
       return a * b;
     case Formula::Op::kDivide:
       return a / b;
-    case Formula::Op::kLess:
-      return T(a < b ? 1.0 : 0.0);
-    case Formula::Op::kLessOrEqual:
-      return T(a <= b ? 1.0 : 0.0);
-    case Formula::Op::kGreater:
-      return T(a > b ? 1.0 : 0.0);
-    case Formula::Op::kGreaterOrEqual:
-      return T(a >= b ? 1.0 : 0.0);
-    case Formula::Op::kMin:
-      return b < a ? b : a;
-    case Formula::Op::kMax:
-      return a < b ? b : a;
-    default:
+    case Formula::Op::kAtan2:
       return atan2(a, b);
+    default:
+      return EvaluateComparison(op, a, b);
   }
 }
 
@@ -197,9 +221,8 @@ T Formula::Evaluate(const std::vector<T>& values) const {
                               : T(pow(results[a], results[b])));
         break;
       case Op::kIf:
-        results.push_back(results[a] > 0.0 || results[a] < 0.0
-                              ? results[b]
-                              : results[operation.c]);
+        results.push_back(
+            internal::EvaluateIf(results[a], results[b], results[operation.c]));
         break;
       default:
         results.push_back(

@@ -120,6 +120,26 @@ TEST(Formula, DerivativesAreThoseOfTheBranchTaken) {
   EXPECT_EQ(result.v[0], 3.0);
 }
 
+// No operation hides that an operand is outside of its domain.
+TEST(Formula, NanIsNanInEveryOperation) {
+  using Jet = ceres::Jet<double, 1>;
+  for (const char* text : {"if(log(x), 1, 2)",
+                           "if(log(x) > 0, 1, 2)",
+                           "log(x) < 1",
+                           "1 <= log(x)",
+                           "log(x) > 1",
+                           "1 >= log(x)",
+                           "min(0.1, log(x))",
+                           "min(log(x), 0.1)",
+                           "max(0.1, log(x))",
+                           "max(log(x), 0.1)"}) {
+    EXPECT_TRUE(std::isnan(Value(text, {-1.0}))) << text;
+    const Jet result = Parsed(text).Evaluate(std::vector<Jet>{{-1.0, 0}});
+    EXPECT_TRUE(std::isnan(result.a)) << text;
+    EXPECT_TRUE(std::isnan(result.v[0])) << text;
+  }
+}
+
 // The formulas of NIST's models, as --list shows them, agree with the models.
 TEST(Formula, IsThatOfTheBuiltInModels) {
   struct Case {
