@@ -119,12 +119,13 @@ class GlobalRows {
     return gram_.Finish();
   }
 
-  // Of Phi.
+  // Of Phi or Y.
   int FirstInvalidRow(const typename GramRoot<N>::Vector& x) {
     Jet jets[N];
     for (int j = 0; j < N; ++j) jets[j] = Jet(x[j], j);
     if (!functor_(jets, features_.data())) return 0;
     for (Eigen::Index i = 0; i < Y_.rows(); ++i) {
+      if (!Y_.row(i).allFinite()) return static_cast<int>(i);
       for (std::size_t k = i; k < features_.size(); k += Y_.rows()) {
         if (!std::isfinite(features_[k].a) || !features_[k].v.allFinite()) {
           return static_cast<int>(i);

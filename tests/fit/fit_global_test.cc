@@ -178,5 +178,15 @@ TEST(FitGlobal, OfAStartWithoutValue) {
   }
 }
 
+TEST(FitGlobal, OfARightHandSideThatIsNotFinite) {
+  const Data data(15, 3, 0.1);
+  MatrixXd Y = data.Y;
+  Y(4, 1) = kNaN;
+  const GlobalFit<2> fit = Fit(data, Y);
+  EXPECT_EQ(fit.nonlinear.status, FitStatus::kInvalidStart);
+  EXPECT_EQ(fit.nonlinear.invalid_row, 4);
+  EXPECT_EQ(fit.nonlinear.invalid_parameter, -1);
+}
+
 }  // namespace fit_global_test
 }  // namespace invgrad
