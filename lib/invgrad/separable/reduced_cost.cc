@@ -112,8 +112,11 @@ bool ReducedCost::Reweight(const VectorXd& r_0,
   const LinearProjection projection = *projection_;
   double other_cost;
   const VectorXd least_squares = -unweighted.Solve(r_0);
-  if (!ReweightFrom(least_squares, r_0, Phi, &other_cost, error)) return false;
-  if (other_cost < cost) return true;
+  std::string ignored;
+  if (ReweightFrom(least_squares, r_0, Phi, &other_cost, &ignored) &&
+      other_cost < cost) {
+    return true;
+  }
   c_ = c;
   r_ = r;
   projection_ = projection;
