@@ -30,7 +30,7 @@ Sample runs:
 #include "invgrad/core/specification.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
-#include "problems/estimation/more_garbow_hillstrom.h"
+#include "problems/more_garbow_hillstrom.h"
 #include "report/table.h"
 
 DEFINE_string(rules,

@@ -7,7 +7,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/random.h"
-#include "problems/estimation/more_garbow_hillstrom.h"
+#include "problems/more_garbow_hillstrom.h"
 
 namespace invgrad {
 

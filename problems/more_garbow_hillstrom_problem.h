@@ -1,4 +1,4 @@
-// The problems of Moré, Garbow and Hillstrom (estimation/more_garbow_hillstrom.h)
+// The problems of Moré, Garbow and Hillstrom (more_garbow_hillstrom.h)
 // as one problem of compare.
 #ifndef PROBLEMS_MORE_GARBOW_HILLSTROM_PROBLEM_H_
 #define PROBLEMS_MORE_GARBOW_HILLSTROM_PROBLEM_H_

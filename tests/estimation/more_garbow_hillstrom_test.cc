@@ -1,6 +1,6 @@
 // The problems of More, Garbow and Hillstrom, and proposals on all of them.
 
-#include "problems/estimation/more_garbow_hillstrom.h"
+#include "problems/more_garbow_hillstrom.h"
 
 #include <limits>
 #include <memory>

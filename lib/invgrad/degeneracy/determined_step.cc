@@ -123,8 +123,9 @@ int BasicDeterminedStep<kMaxSize>::LeaveAlone(int num_low,
   const Matrix squares = cosines.transpose() * cosines;
   const Eigen::SelfAdjointEigenSolver<Matrix> principal(squares);
   // The largest cosines first.
-  basis->middleCols(num_low, num_band) =
-      band * principal.eigenvectors().rowwise().reverse();
+  const Matrix descending = principal.eigenvectors().rowwise().reverse();
+  const Matrix rotated = band * descending;
+  basis->middleCols(num_low, num_band) = rotated;
   return num_low +
          static_cast<int>((principal.eigenvalues().array() > 0.5).count());
 }
@@ -159,7 +160,8 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
     return true;
   }
   if (!FindTransform(H, error)) return false;
-  scaled = (transform_.transpose() * scaled * transform_).eval();
+  const Matrix half_scaled = transform_.transpose() * scaled;
+  scaled = half_scaled * transform_;
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
   if (eigen.info() != Eigen::Success || !eigen.eigenvalues().allFinite()) {
     *error = "the eigenvalues of the scaled Gram matrix did not converge";
@@ -182,7 +184,8 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
   const int num_left_alone = LeaveAlone(num_low, num_band, &basis);
 
   const Matrix kept = basis.rightCols(n - num_left_alone);
-  const Matrix curvature = kept.transpose() * scaled * kept;
+  const Matrix kept_scaled = kept.transpose() * scaled;
+  const Matrix curvature = kept_scaled * kept;
   const Vector scaled_gradient = transform_.transpose() * gradient;
   const Vector slope = kept.transpose() * scaled_gradient;
   if (kept.cols() > 0) {

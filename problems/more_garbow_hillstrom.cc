@@ -1,4 +1,4 @@
-#include "problems/estimation/more_garbow_hillstrom.h"
+#include "problems/more_garbow_hillstrom.h"
 
 #include <algorithm>
 #include <cmath>

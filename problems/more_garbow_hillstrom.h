@@ -10,8 +10,8 @@
 // [2] Gay. A Trust-Region Approach to Linearly Constrained Optimization. LNM
 //     1066 (1984), 72-105; bounds and minima as in Ceres' example
 //     more_garbow_hillstrom.cc.
-#ifndef PROBLEMS_ESTIMATION_MORE_GARBOW_HILLSTROM_H_
-#define PROBLEMS_ESTIMATION_MORE_GARBOW_HILLSTROM_H_
+#ifndef PROBLEMS_MORE_GARBOW_HILLSTROM_H_
+#define PROBLEMS_MORE_GARBOW_HILLSTROM_H_
 
 #include <functional>
 #include <memory>
@@ -49,4 +49,4 @@ bool IsSolution(const MoreGarbowHillstromRow& row, double sum_of_squares);
 
 }  // namespace invgrad
 
-#endif  // PROBLEMS_ESTIMATION_MORE_GARBOW_HILLSTROM_H_
+#endif  // PROBLEMS_MORE_GARBOW_HILLSTROM_H_
