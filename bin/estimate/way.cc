@@ -103,7 +103,9 @@ bool MinimizeByWay(const Way& way,
   }
   const std::vector<LinearBlock> linear = estimation->LinearParameters();
   if (linear.empty()) {
-    *error = "no parameter is proved to be linear; use --separable=off";
+    *error =
+        "no parameter is proved to be linear (those of a --model are not "
+        "analysed); use --separable=off";
     return false;
   }
   SeparableProblem::Options separable_options;

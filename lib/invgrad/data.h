@@ -62,8 +62,8 @@ class DataSource {
  public:
   virtual ~DataSource() = default;
 
-  // The samples of step k = 0, 1, ...  `weights` of the model that is trained:
-  // those before the first step of the set of samples that k belongs to.
+  // batch_size samples of step k = 0, 1, ..., the first one of a set. `weights`
+  // of the model that is trained: those before this step.
   virtual DataSet Batch(long step,
                         int batch_size,
                         const Model& model,

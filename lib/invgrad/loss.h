@@ -6,8 +6,9 @@
 //
 // Shapes:  y, y*, g: size();  H_L: size() x size(), symmetric.
 // Units:   L scales half-inverse steps, so the factor in front of the squared
-//          norm is explicit: SquaredNormLoss(0.5) is Ceres' 1/2 |y - y*|^2,
-//          SquaredNormLoss(1.0) the |y - y*|^2 of the HIG code.
+//          norm is explicit: SquaredNormLoss(size, 0.5) is Ceres'
+//          1/2 |y - y*|^2, SquaredNormLoss(size, 1.0) the |y - y*|^2 of the
+//          HIG code.
 // Cost:    a loss of a field, whose H_L is too large to form, has the products
 //          H_L v instead (forms_hessian).
 // Invariants: the outputs of some simulators keep a quantity, such as the norm

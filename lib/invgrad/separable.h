@@ -26,7 +26,9 @@
 // L has the same minima as the problem, at the same cost. LM needs no start for
 // c, and mostly fewer iterations (docs/results/fits.md). But with a loss whose
 // rho' is 0 far away (TukeyLoss), the minimum over c is a local one, which
-// depends on the start of c.
+// depends on the start of c. Without a loss in its component, Create sets a
+// linear parameter that shares a block with others to zero: Ceres counts its
+// size in parameter_tolerance.
 //
 // Linear parameters that the residuals do not determine have the least norm, in
 // units of the lengths of their columns of Phi (linear_projection.h), and
@@ -110,6 +112,9 @@ class SeparableProblem {
   explicit SeparableProblem(const Options& options);
   std::string BlockName(const double* values, int index) const;
   bool CheckAllAffine(std::string* error) const;
+  // Sets the linear parameters of the component to zero that share a block with
+  // others.
+  void ClearSharedBlocks(const ReducedCost& cost);
 
   const Options options_;
   std::vector<std::unique_ptr<ReducedCost>> costs_;

@@ -183,8 +183,8 @@ class UpdateCallback final {
     int num_withheld = 0;
     int num_ceres_steps = 0;  // iterations with a step of Ceres
     // Steps of the solve without proposals, or if there was none of Ceres, after
-    // which Ceres widens the trust region. If it does so nearly always, the
-    // region was what limited the steps.
+    // which Ceres widens the trust region. If it does so in many steps, the
+    // region may have been what limited them.
     int num_limited_steps = 0;
     // Candidates, of Ceres and of the rule, at which the problem cannot be
     // evaluated, and why not at the first of them. No explanation if none was

@@ -86,6 +86,32 @@ TEST(Equation, IsSolved) {
   }
 }
 
+TEST(Equation, NamesWeightsAndContextsThatAreNotAllowed) {
+  DataSet samples;
+  std::string error;
+  Equation weighted = WithMeasurements();
+  weighted.terms[1].weight = -1.0;
+  EXPECT_FALSE(EquationSamples(weighted, &samples, &error));
+  EXPECT_EQ(error,
+            "values: a weight of the term or of a point is negative or not a "
+            "number; allowed: 0 and above");
+  Equation measured = WithMeasurements();
+  measured.terms[1].context = [](const VectorXd&, Index s, auto c) {
+    c[0] = s == 2 ? std::nan("") : 0.0;
+  };
+  EXPECT_FALSE(EquationSamples(measured, &samples, &error));
+  EXPECT_EQ(error, "values: its context is not finite at point 2");
+}
+
+TEST(EquationDeathTest, NeedsItsParts) {
+  Equation decay = DecayEquation(1.0);
+  decay.terms[0].residual = nullptr;
+  EXPECT_DEATH(EquationModel(decay), "it has no residual");
+  decay = DecayEquation(1.0);
+  decay.trial.derivatives = nullptr;
+  EXPECT_DEATH(EquationModel(decay), "no trial.derivatives");
+}
+
 TEST(Equation, NamesTermPointAndDerivative) {
   Equation decay = DecayEquation(1.0);
   decay.trial.distance = [](const InputJet* a, InputJet* d) {

@@ -93,6 +93,7 @@ TEST(FacePoints, LieOnTheFacesOfTheirCoordinates) {
 TEST(PointsDeathTest, NeedACountForEachCoordinate) {
   EXPECT_DEATH(GaussPoints(kBox, {2}), "GaussPoints: one count a coordinate");
   EXPECT_DEATH(GridPoints(kBox, {2}), "GridPoints: one count a coordinate");
+  EXPECT_DEATH(FacePoints(kBox, -1, 2), "first = -1; allowed: 0 to 1");
 }
 
 }  // namespace points_test

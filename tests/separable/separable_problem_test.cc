@@ -94,6 +94,29 @@ TEST(SeparableProblem, OfABlockWithBothKinds) {
   }
 }
 
+// A linear parameter that shares a block with others has no part in the size of
+// the block, a share of which is Ceres' smallest step.
+TEST(SeparableProblem, OfABlockWithBothKindsNeedsNoStart) {
+  double b[2] = {1e9, 2.0};
+  ceres::Problem problem;
+  for (int i = 0; i < 10; ++i) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Decay, 1, 2>(new Decay{0.3 * i}),
+        nullptr,
+        b);
+  }
+  std::string error;
+  const auto separable =
+      SeparableProblem::Create({}, {{b, {0}}}, &problem, &error);
+  ASSERT_NE(separable, nullptr) << error;
+  ceres::Solver::Summary summary;
+  ceres::Solve({}, separable->reduced(), &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  ASSERT_TRUE(separable->SolveLinear(&error)) << error;
+  EXPECT_NEAR(b[0], 3.0, 1e-4);
+  EXPECT_NEAR(b[1], 0.5, 1e-4);
+}
+
 // Points seen by affine cameras, x = u . X + v: a component a point. The
 // directions u are on the unit sphere; v is nonlinear by choice.
 struct Projection {

@@ -90,6 +90,10 @@ TEST(TorchNetwork, AgreesWithADenseNetwork) {
                 .norm(),
             1e-14);
 
+  const MatrixXd none = network->Outputs(weights, inputs.leftCols(0));
+  EXPECT_EQ(none.rows(), 2);
+  EXPECT_EQ(none.cols(), 0);
+
   const auto pass = network->NewPass();
   const auto dense_pass = dense.NewPass();
   std::string error;

@@ -370,5 +370,40 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
   }
 }
 
+// Samples that depend on the step, each set of which serves three.
+class ThreeSteps final : public DataSource {
+ public:
+  DataSet Batch(long step,
+                int batch_size,
+                const Model& /*model*/,
+                const Eigen::VectorXd& /*weights*/) const override {
+    NumpyRandom random(static_cast<std::uint32_t>(step));
+    return Regression::MakeData(batch_size, &random);
+  }
+  long steps_per_set() const override { return 3; }
+  std::string Name() const override { return "three steps"; }
+};
+
+// The run stops in the middle of a set.
+TEST(Trainer, AResumedSetHasTheSamplesOfItsFirstStep) {
+  const Regression problem;
+  const TemporaryFolder folder;
+  TrainingData data{problem.train, problem.test};
+  data.source = std::make_shared<ThreeSteps>();
+  TrainOptions options;
+  options.batch_size = 8;
+  options.initial_weights = problem.weights;
+  options.max_num_steps = 8;
+  const TrainResult whole = Train(problem.model, data, "adam", options);
+  options.checkpoint_path = folder / "checkpoint";
+  options.max_num_steps = 4;
+  Train(problem.model, data, "adam", options);
+  options.max_num_steps = 8;
+  const TrainResult resumed = Train(problem.model, data, "adam", options);
+  ASSERT_EQ(resumed.error, "");
+  EXPECT_EQ(resumed.summary.num_steps, 8);
+  EXPECT_EQ(resumed.weights, whole.weights);
+}
+
 }  // namespace train_resume_test
 }  // namespace invgrad

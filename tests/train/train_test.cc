@@ -38,6 +38,27 @@ TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
             MeanLoss(problem.model, result.weights, problem.train));
 }
 
+TEST(Trainer, OptionsOutOfRangeAreNamed) {
+  const Regression problem;
+  TrainOptions options;
+  options.max_time_in_seconds = std::nan("");
+  EXPECT_EQ(Refusal(problem, options, "adam"),
+            "max_time_in_seconds = nan; allowed: 0 and above");
+  options = TrainOptions();
+  options.max_num_epochs = -1;
+  EXPECT_EQ(Refusal(problem, options, "adam"),
+            "max_num_epochs = -1; allowed: 0 and above");
+  options = TrainOptions();
+  options.patience = -1;
+  EXPECT_EQ(Refusal(problem, options, "adam"),
+            "patience = -1; allowed: 0 and above");
+}
+
+TEST(Trainer, AnUnknownOptionIsNamedOnce) {
+  const std::string error = Refusal(Regression(), TrainOptions(), "adam:x=1");
+  EXPECT_EQ(error.find("adam: "), error.rfind("adam: ")) << error;
+}
+
 TEST(Trainer, SameInputsGiveTheSameBits) {
   const Regression problem;
   TrainOptions options = Epochs(5, 4);

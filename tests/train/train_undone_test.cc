@@ -100,6 +100,35 @@ TEST(Trainer, ARuleThatEvaluatesTheLossGoesBackToTheBestWeights) {
   }
 }
 
+struct Root {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sqrt;
+    y[0] = sqrt(x[0]);
+    return true;
+  }
+};
+
+// After an epoch of batches without a derivative there is nothing left to try.
+TEST(Trainer, ARunWithoutAnyDerivativeFails) {
+  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
+                    std::make_shared<AutoDiffSimulator<Root, 1, 1>>(),
+                    std::make_shared<SquaredNormLoss>(1, 1.0),
+                    Reduction::kMean);
+  DataSet train;
+  train.inputs = Eigen::MatrixXd::Random(1, 6);
+  train.contexts.resize(0, 6);
+  train.targets = Eigen::MatrixXd::Ones(1, 6);
+  TrainOptions options = Epochs(10, 2);
+  options.initial_weights = Eigen::VectorXd::Zero(2);
+  for (const char* rule : {"geodesic", "ssbroyden"}) {
+    const TrainResult result = Train(model, {train, DataSet()}, rule, options);
+    EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+    EXPECT_EQ(result.summary.message.rfind("diverged at step 4: ", 0), 0u)
+        << result.summary.message;
+  }
+}
+
 TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
   const Regression problem;
   for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {

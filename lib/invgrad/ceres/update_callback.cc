@@ -234,15 +234,16 @@ std::string UpdateCallback::Summary::BriefReport() const {
         "%",
         100.0 * predicted_decrease);
   }
-  // Where the region does not limit them, a few steps of Gauss-Newton are enough.
+  // After good steps Ceres widens the region, whether or not it was the limit;
+  // but where it is not, a few steps of Gauss-Newton are enough.
   constexpr int kLeastSteps = 8;
   const int num_steps =
       num_plain_iterations > 0 ? num_plain_iterations : num_ceres_steps;
   if (num_limited_steps >= kLeastSteps &&
       4 * num_limited_steps >= 3 * num_steps) {
     report += fmt::format(
-        "; the trust region limited {} of {} steps of Ceres: try a larger "
-        "initial_trust_region_radius",
+        "; Ceres widened the trust region after {} of {} steps: a larger "
+        "initial_trust_region_radius may save some",
         num_limited_steps,
         num_steps);
   }

@@ -18,7 +18,8 @@ DataSet TakeColumns(const DataSet& data,
   const auto take = [&](const MatrixXd& array) -> MatrixXd {
     // An array without rows may have no columns.
     if (array.rows() == 0) return MatrixXd(0, count);
-    CHECK_EQ(array.cols(), data.num_samples());
+    CHECK_EQ(array.cols(), data.num_samples())
+        << "inputs, contexts, targets and solutions have a column a sample.";
     return columns(array);
   };
   return {take(data.inputs),

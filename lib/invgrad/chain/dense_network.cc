@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 DenseNetwork::DenseNetwork(std::vector<int> widths, Activation hidden)
     : widths_(std::move(widths)), hidden_(hidden) {
   CHECK_GE(widths_.size(), 2u) << "A network has inputs and outputs.";
-  for (const int width : widths_) CHECK_GT(width, 0);
+  for (const int width : widths_) CHECK_GT(width, 0) << "a width is too small";
   CHECK_LE(CountWeights(widths_), std::numeric_limits<int>::max());
   offsets_.push_back(0);
   for (std::size_t l = 0; l + 1 < widths_.size(); ++l) {
@@ -137,8 +137,8 @@ void DenseNetwork::RunLayers(const VectorXd& weights,
                              const Eigen::Ref<const MatrixXd>& inputs,
                              bool want_curvatures,
                              Activations* activations) const {
-  CHECK_EQ(inputs.rows(), num_inputs());
-  CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(inputs.rows(), num_inputs()) << "inputs of another network";
+  CHECK_EQ(weights.size(), num_weights()) << "weights of another network";
   const Eigen::Index num_columns = inputs.cols();
   const int num_channels = activations->num_channels;
   const int last = num_layers() - 1;

@@ -156,7 +156,7 @@ int Model::num_columns() const {
 }
 
 Model Model::WithThreads(int num_threads) const {
-  CHECK_GT(num_threads, 0);
+  CHECK_GT(num_threads, 0) << "num_threads is at least 1.";
   Model model = *this;
   model.num_threads_ = num_threads;
   return model;

@@ -12,7 +12,8 @@
 #include "Eigen/SVD"
 
 // With `extern` these are declarations, with nothing definitions. That of a class
-// leaves out its member templates.
+// leaves out its member templates. NOLINTBEGIN(bugprone-macro-parentheses): the
+// argument is a keyword.
 #define INVGRAD_EIGEN_DECOMPOSITIONS(EXTERN)                       \
   EXTERN template class ColPivHouseholderQR<MatrixXd>;             \
   EXTERN template class CompleteOrthogonalDecomposition<MatrixXd>; \
@@ -86,5 +87,6 @@ using ConstDoubleMapper = const_blas_data_mapper<double, Index, Order>;
 INVGRAD_EIGEN_PRODUCTS(extern)
 }  // namespace Eigen::internal
 #endif
+// NOLINTEND(bugprone-macro-parentheses)
 
 #endif  // INVGRAD_CORE_EIGEN_TEMPLATES_H_

@@ -324,9 +324,11 @@ bool SparsePseudoInverse(const BlockGroup& group,
     }
     if (!small.complete) {
       *error = fmt::format(
-          "more than {} undetermined directions: a larger max_directions, or "
-          "ComputeRankReport, which names them",
-          small.V.cols());
+          "more than {} undetermined directions: try rank.max_dense_size of at "
+          "least {} for a full SVD, or a larger rank.max_directions; "
+          "ComputeRankReport names them",
+          small.V.cols(),
+          A.cols());
       return false;
     }
     V_0 = small.V;

@@ -18,8 +18,12 @@ using Eigen::VectorXd;
 
 std::shared_ptr<const EquationSimulator> MakeSimulator(
     const Equation& equation) {
+  CHECK(equation.trial.derivatives != nullptr)
+      << "the equation has no trial.derivatives";
+  CHECK(!equation.terms.empty()) << "the equation has no terms";
   std::vector<EquationResidual> residuals;
   for (const EquationTerm& term : equation.terms) {
+    CHECK(term.residual != nullptr) << term.name << ": it has no residual";
     residuals.push_back({term.name, term.residual});
   }
   return std::make_shared<EquationSimulator>(
@@ -52,10 +56,19 @@ bool WriteTerm(const Equation& equation,
                std::string* error) {
   const EquationTerm& term = equation.terms[k];
   const Index count = points.points.cols();
-  CHECK_EQ(points.weights.size(), count);
-  CHECK_EQ(points.points.rows(), equation.trial.derivatives->num_variables());
+  CHECK_EQ(points.weights.size(), count)
+      << term.name << ": one weight a point.";
+  CHECK_EQ(points.points.rows(), equation.trial.derivatives->num_variables())
+      << term.name << ": a column of coordinates a point.";
   CHECK_EQ(term.context != nullptr, term.residual->num_context() > 0)
       << term.name << ": its residual has a context, or has none.";
+  if (!(scale >= 0.0 && (points.weights.array() >= 0.0).all())) {
+    *error = fmt::format(
+        "{}: a weight of the term or of a point is negative or not a number; "
+        "allowed: 0 and above",
+        term.name);
+    return false;
+  }
   MatrixXd inputs, conditions;
   if (!equation.trial.Inputs(points.points, &inputs, error) ||
       !equation.trial.Conditions(points.points, &conditions, error)) {
@@ -78,6 +91,11 @@ bool WriteTerm(const Equation& equation,
   VectorXd c(term.residual->num_context());
   for (Index s = 0; s < count && c.size() > 0; ++s) {
     term.context(points.points.col(s), s, c);
+    if (!c.allFinite()) {
+      *error = fmt::format(
+          "{}: its context is not finite at point {}", term.name, s);
+      return false;
+    }
     contexts.col(s).segment(layout.of_residual, c.size()) = c;
   }
   return true;
@@ -87,10 +105,10 @@ bool MakeSpace(const Equation& equation,
                Index num_points,
                DataSet* samples,
                std::string* error) {
+  const auto simulator = MakeSimulator(equation);
   if (!CheckMemory(equation.trial, static_cast<double>(num_points), error)) {
     return false;
   }
-  const auto simulator = MakeSimulator(equation);
   *samples = DataSet();
   samples->inputs.resize(
       equation.trial.NumInputs() * equation.trial.derivatives->num_channels(),
@@ -111,10 +129,10 @@ Index NumPoints(const Equation& equation) {
 }
 
 Model EquationModel(const Equation& equation) {
+  const auto simulator = MakeSimulator(equation);
   std::vector<int> widths = {equation.trial.NumInputs()};
   widths.insert(widths.end(), equation.hidden.begin(), equation.hidden.end());
   widths.push_back(equation.trial.num_functions);
-  const auto simulator = MakeSimulator(equation);
   return Model(DenseNetwork(widths, Activation::kTanh),
                simulator,
                std::make_shared<SquaredNormLoss>(simulator->num_outputs(), 0.5),

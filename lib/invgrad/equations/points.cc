@@ -128,7 +128,8 @@ QuadraturePoints SequencePoints(const Box& box, int count, long first) {
 
 QuadraturePoints FacePoints(const Box& box, int first, int count) {
   const auto d = static_cast<int>(box.lower.size());
-  CHECK_LT(first, d);
+  CHECK(first >= 0 && first < d)
+      << "FacePoints: first = " << first << "; allowed: 0 to " << d - 1;
   QuadraturePoints faces;
   faces.points.resize(d, Index{2} * (d - first) * count);
   faces.weights = VectorXd::Constant(

@@ -256,7 +256,8 @@ bool ParsePhase(const Specification& specification,
        phase->ceres->configure(phase->ceres_settings, &options, &why))) {
     return true;
   }
-  *error = fmt::format("{}: {}", specification.name, why);
+  const std::string name = specification.name + ": ";
+  *error = why.rfind(name, 0) == 0 ? why : name + why;
   return false;
 }
 

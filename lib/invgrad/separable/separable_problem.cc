@@ -270,7 +270,20 @@ std::unique_ptr<SeparableProblem> SeparableProblem::Create(
       return nullptr;
     }
   }
+  // Where linear and nonlinear parameters share a block, Ceres counts the linear
+  // ones in the size of the block, of which a step is a share.
+  for (const auto& cost : result->costs_) {
+    if (!cost->residuals().has_loss()) result->ClearSharedBlocks(*cost);
+  }
   return result;
+}
+
+void SeparableProblem::ClearSharedBlocks(const ReducedCost& cost) {
+  const ComponentResiduals& residuals = cost.residuals();
+  for (const ComponentResiduals::Parameter& at : residuals.linear()) {
+    double* const values = residuals.blocks()[at.block].values;
+    if (reduced_.HasParameterBlock(values)) values[at.component] = 0.0;
+  }
 }
 
 bool SeparableProblem::SolveLinear(std::string* error) {

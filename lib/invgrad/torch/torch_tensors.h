@@ -12,9 +12,10 @@ namespace invgrad {
 // A column for each entry of the first dimension.
 inline Eigen::MatrixXd ToColumns(const torch::Tensor& tensor) {
   const torch::Tensor values = tensor.detach().to(torch::kDouble).contiguous();
-  const int64_t num_columns = values.size(0);
+  int64_t num_rows = 1;
+  for (int64_t i = 1; i < values.dim(); ++i) num_rows *= values.size(i);
   return Eigen::Map<const Eigen::MatrixXd>(
-      values.data_ptr<double>(), values.numel() / num_columns, num_columns);
+      values.data_ptr<double>(), num_rows, values.size(0));
 }
 
 // All entries, tensor after tensor.

@@ -40,7 +40,8 @@ DataSet BatchSequence::NextOfSource(long k,
   if (k % steps_per_set == 0) set_weights_ = weights;
   if (set_ != k / steps_per_set) {
     set_ = k / steps_per_set;
-    set_samples_ = source.Batch(k, batch_size, model_, set_weights_);
+    set_samples_ =
+        source.Batch(set_ * steps_per_set, batch_size, model_, set_weights_);
   }
   return set_samples_;
 }

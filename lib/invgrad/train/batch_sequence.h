@@ -25,6 +25,9 @@ class BatchSequence {
                 const Model* model,
                 const TrainingData* data);
 
+  // Whether a data source makes the samples.
+  bool is_fresh() const { return data_.source != nullptr; }
+
   // The next samples, of step k from the weights. With a data source k says
   // which they are.
   DataSet Next(long k, int batch_size, const Eigen::VectorXd& weights);

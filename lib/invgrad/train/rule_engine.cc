@@ -10,7 +10,8 @@
 namespace invgrad {
 namespace {
 
-// So many batches in a row without a finite loss end the run.
+// So many batches in a row without a finite loss end the run; of stored samples
+// no more than an epoch has, because the weights stay as they are.
 constexpr long kMaxLeftOut = 100;
 
 }  // namespace
@@ -88,7 +89,10 @@ bool RuleEngine::Begin(const DataSet& batch,
   }
   const Eigen::VectorXd none;
   if (Undo(UndoReason::kNoLoss, none, weights)) return linearize();
-  *is_left_out = rule_->Needs().after && num_left_out_ < kMaxLeftOut;
+  const long max_left_out = batches_.is_fresh()
+                                ? kMaxLeftOut
+                                : std::min(kMaxLeftOut, steps_per_epoch());
+  *is_left_out = rule_->Needs().after && num_left_out_ < max_left_out;
   ++num_left_out_;
   return false;
 }

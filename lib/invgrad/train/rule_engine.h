@@ -6,7 +6,8 @@
 // receives the cost after each step; the engine undoes a step that the judge
 // rejects, or after which the next batch has no finite loss. A rule that
 // evaluates the loss at other points (LinearizationParts::after) has judged its
-// steps: a batch without a finite loss is left out, at most a hundred in a row.
+// steps: a batch without a finite loss is left out, at most a hundred in a row,
+// and of stored samples at most those of an epoch.
 // If the train loss is not finite, it goes back to the best weights that were
 // evaluated.
 //

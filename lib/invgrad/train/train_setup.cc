@@ -94,6 +94,23 @@ void WarnOfSaturation(const Model& model,
       largest);
 }
 
+// The option that is negative or not a number; empty: none is.
+std::string OutOfRange(const TrainOptions& options) {
+  const std::pair<const char*, double> values[] = {
+      {"max_num_epochs", options.max_num_epochs},
+      {"max_num_steps", static_cast<double>(options.max_num_steps)},
+      {"max_time_in_seconds", options.max_time_in_seconds},
+      {"target_loss", options.target_loss},
+      {"patience", options.patience},
+      {"memory_limit", options.memory_limit}};
+  for (const auto& [name, value] : values) {
+    if (!(value >= 0.0)) {
+      return fmt::format("{} = {}; allowed: 0 and above", name, value);
+    }
+  }
+  return "";
+}
+
 }  // namespace
 
 TrainingRun::Impl::Impl(const Model& model,
@@ -123,12 +140,15 @@ TrainingRun::Impl::Impl(const Model& model,
     options_.initial_weights = model_.network().InitialWeights(
         Initialization::kGlorotUniform, &random);
   }
-  CHECK_EQ(options_.initial_weights.size(), model_.num_weights());
+  CHECK_EQ(options_.initial_weights.size(), model_.num_weights())
+      << "initial_weights are those of another network.";
   if (options_.batch_size < 0) {
     options_.batch_size =
         std::min(TrainOptions::kDefaultBatchSize, data_.train.num_samples());
   }
   state_.weights = options_.initial_weights;
+  error_ = OutOfRange(options_);
+  if (!error_.empty()) return;
   std::string where;
   if (!data_.train.IsFinite(&where)) {
     error_ = "train data: " + where;
