@@ -283,10 +283,10 @@ TEST(ProposalFunction, TheReportNamesATrustRegionThatIsTooSmall) {
     EXPECT_NEAR(x, 7.0, 1e-3);
     const bool is_small = radius < 1.0;
     EXPECT_EQ(callback.summary().num_limited_steps >= 8, is_small);
-    EXPECT_EQ(
-        callback.summary().BriefReport().find(
-            "try a larger initial_trust_region_radius") != std::string::npos,
-        is_small)
+    EXPECT_EQ(callback.summary().BriefReport().find(
+                  "a larger initial_trust_region_radius may save") !=
+                  std::string::npos,
+              is_small)
         << callback.summary().BriefReport();
   }
 }
