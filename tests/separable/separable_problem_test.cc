@@ -69,16 +69,20 @@ struct Decay {
   }
 };
 
+void AddDecay(double* b, ceres::Problem* problem) {
+  for (int i = 0; i < 10; ++i) {
+    problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Decay, 1, 2>(new Decay{0.3 * i}),
+        nullptr,
+        b);
+  }
+}
+
 TEST(SeparableProblem, OfABlockWithBothKinds) {
   for (const double bound : {0.1, 0.7}) {
     double b[2] = {1.0, 2.0};
     ceres::Problem problem;
-    for (int i = 0; i < 10; ++i) {
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<Decay, 1, 2>(new Decay{0.3 * i}),
-          nullptr,
-          b);
-    }
+    AddDecay(b, &problem);
     problem.SetParameterLowerBound(b, 1, bound);
     const ceres::Solver::Summary summary = Solve({{b, {0}}}, &problem);
     EXPECT_EQ(summary.num_effective_parameters, 1);
@@ -99,12 +103,7 @@ TEST(SeparableProblem, OfABlockWithBothKinds) {
 TEST(SeparableProblem, OfABlockWithBothKindsNeedsNoStart) {
   double b[2] = {1e9, 2.0};
   ceres::Problem problem;
-  for (int i = 0; i < 10; ++i) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<Decay, 1, 2>(new Decay{0.3 * i}),
-        nullptr,
-        b);
-  }
+  AddDecay(b, &problem);
   std::string error;
   const auto separable =
       SeparableProblem::Create({}, {{b, {0}}}, &problem, &error);
