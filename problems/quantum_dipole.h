@@ -23,14 +23,6 @@
 //          y in the ground state, is a stationary point, at L = 1. As the norm
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
-// rescale: multiplies the gradient and the Hessian of each sample's L in y by
-//          1 / |Re <y*|y>|, which is not differentiated and not in the reported
-//          L. This removes the gradient's factor |<y*|y>|, which slows down
-//          samples far from their targets. But g is then not the derivative of
-//          a function: gradient checks fail, and step_size=auto has no curve of
-//          states to minimize the loss on, so that it fails. The factor depends on the phase of y, and
-//          is unbounded near i or -i; if Re <y*|y> = 0, the run diverges. The
-//          release has this option, but does not use it.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
@@ -45,7 +37,6 @@
 #include "fmt/core.h"
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/compare/sample_data.h"
-#include "invgrad/loss.h"
 #include "invgrad/random.h"
 #include "problems/schroedinger.h"
 
@@ -72,52 +63,16 @@ class InfidelityLoss final
   bool has_invariant() const override { return true; }
 };
 
-// See `rescale` above. Evaluate returns false if a requested gradient or Hessian
-// is not finite.
-class RescaledInfidelity final : public Loss {
- public:
-  int size() const override { return infidelity_.size(); }
-  bool Evaluate(const double* y,
-                const double* target,
-                double* loss,
-                double* gradient,
-                double* hessian) const override {
-    constexpr int kStateSize = SchroedingerSimulator::kStateSize;
-    if (!infidelity_.Evaluate(y, target, loss, gradient, hessian)) return false;
-    using State = Eigen::Matrix<double, kStateSize, 1>;
-    // Real and imaginary parts as one real vector: Re <y*|y>.
-    const double overlap =
-        Eigen::Map<const State>(target).dot(Eigen::Map<const State>(y));
-    const double factor = 1.0 / std::abs(overlap);
-    bool is_finite = true;
-    const auto rescale = [&](double* values, int size) {
-      if (values == nullptr) return;
-      Eigen::Map<Eigen::VectorXd>(values, size) *= factor;
-      is_finite &= AllFinite(values, size);
-    };
-    rescale(gradient, kStateSize);
-    rescale(hessian, kStateSize * kStateSize);
-    return is_finite;
-  }
-
- private:
-  AutoDiffLoss<Infidelity, SchroedingerSimulator::kStateSize> infidelity_;
-};
-
 // `data`: targets of norm one, one a row.
 struct QuantumDipole {
   int num_steps = 384;
   double dt = 0.05;
   int num_samples = 1024;
   int data_seed = 1;
-  bool rescale = false;
   void Describe(OptionSet* set) {
     set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
     set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
     DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-    set->Add("rescale",
-             &rescale,
-             "multiply each sample's gradient by 1 / |Re <y*|y>|");
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
@@ -136,16 +91,10 @@ struct QuantumDipole {
         SchroedingerSimulator::Eigenstate(1).replicate(1, all.num_samples());
     SplitSamples(all, 16, problem);
     problem->num_epochs = 25;
-    std::shared_ptr<const Loss> loss;
-    if (rescale) {
-      loss = std::make_shared<RescaledInfidelity>();
-    } else {
-      loss = std::make_shared<InfidelityLoss>();
-    }
     problem->model = std::make_shared<Model>(
         DenseNetwork({kStateSize, 20, 20, 20, num_steps}, Activation::kTanh),
         std::make_shared<SchroedingerSimulator>(num_steps, dt),
-        loss,
+        std::make_shared<InfidelityLoss>(),
         Reduction::kMean);
     return true;
   }

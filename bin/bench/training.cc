@@ -148,7 +148,11 @@ TrainOptions FlagsOptions(const LearningProblem& problem) {
 
 bool AddTrainingBenchmarks(std::string* error) {
   std::vector<Method> methods;
-  if (!BenchTraining().Check(error) ||
+  if (!CheckNotGiven(
+          {"seconds", "epochs", "shuffle", "cpu_time", "checkpoint_seconds"},
+          "is not for bench: give --steps",
+          error) ||
+      !BenchTraining().Check(error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }

@@ -95,7 +95,9 @@ bool Run(RunCounts* counts, std::string* error) {
   }
   PhysicsProblem problem;
   std::vector<Method> methods;
-  if (!CheckProblem(&options, &problem, &methods, error)) return false;
+  if (!AgreeOnRanks(CheckProblem(&options, &problem, &methods, error), error)) {
+    return false;
+  }
   SetBlasThreads(options.blas_threads);
   if (problem.point.has_value()) {
     return ComparePoint(&options, *problem.point, methods, counts, error);

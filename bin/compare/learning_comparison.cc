@@ -334,7 +334,7 @@ bool CompareLearning(CompareOptions* options,
   Comparison comparison;
   comparison.problem = std::move(problem);
   comparison.methods = methods;
-  if (!Check(options, &comparison, error) ||
+  if (!AgreeOnRanks(Check(options, &comparison, error), error) ||
       !Prepare(*options, comparison, error)) {
     return false;
   }

@@ -124,7 +124,7 @@ std::string Answer(const LearningProblem& problem,
     scores.push_back({names[i].name,
                       spread.median,
                       spread.low,
-                      spread.high,
+                      spread.Highest(),
                       static_cast<int>(spread.num_runs),
                       IsFirstOrder(methods[i])});
   }

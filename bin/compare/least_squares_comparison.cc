@@ -4,6 +4,8 @@
 
 #include "bin/estimate/estimation_comparison.h"
 #include "bin/estimate/least_squares_estimation.h"
+#include "bin/support/program.h"
+#include "bin/support/ranks.h"
 
 namespace invgrad {
 namespace {
@@ -15,6 +17,10 @@ bool Check(CompareOptions* options,
            std::string* error) {
   std::vector<int> seeds;
   if (!CheckNoTraining(/*takes_threads=*/true, error) ||
+      !CheckNotGiven({"blas_threads"},
+                     "needs a problem with a network: --threads are those of "
+                     "Ceres, and of BLAS",
+                     error) ||
       !NameFlag("seeds", ParseSeeds(options->seeds, &seeds, error), error) ||
       !NameFlag("levels",
                 ParseNumbers(options->levels, &estimation->levels, error),
@@ -43,7 +49,8 @@ bool CompareLeastSquares(CompareOptions* options,
                          std::string* error) {
   EstimationOptions estimation;
   std::vector<EstimationInput> inputs;
-  return Check(options, problem, &estimation, &inputs, error) &&
+  return AgreeOnRanks(Check(options, problem, &estimation, &inputs, error),
+                      error) &&
          CompareEstimations(estimation, inputs, methods, counts, error);
 }
 

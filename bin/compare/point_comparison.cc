@@ -232,7 +232,8 @@ bool ComparePoint(CompareOptions* options,
                   RunCounts* counts,
                   std::string* error) {
   MinimizerOptions minimizer;
-  if (!Check(options, problem, methods.size(), &minimizer, error) ||
+  if (!AgreeOnRanks(Check(options, problem, methods.size(), &minimizer, error),
+                    error) ||
       !Prepare(*options, methods, error)) {
     return false;
   }

@@ -213,8 +213,9 @@ bool Run(RunCounts* counts, std::string* error) {
   }
   std::vector<Method> methods;
   std::vector<EstimationInput> inputs;
-  if (!Check(&options, &methods, error) ||
-      !AddInputs(&options, &inputs, error)) {
+  if (!AgreeOnRanks(Check(&options, &methods, error) &&
+                        AddInputs(&options, &inputs, error),
+                    error)) {
     return false;
   }
   SetMaxIterations(inputs, &options.run.max_iterations);

@@ -171,7 +171,9 @@ Table EstimationTable(const std::vector<EstimationRow>& rows,
     table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
     AddCounts(row, &table);
     if (is_counted) {
-      table.Add("evaluations", std::to_string(row.num_evaluations));
+      table.Add(
+          "evaluations",
+          row.num_evaluations < 0 ? none : std::to_string(row.num_evaluations));
       table.Add(is_exact ? "gradient_norm" : "|gradient|",
                 number(row.gradient_norm, 3));
     }
@@ -221,32 +223,34 @@ Table EstimationSummary(const std::vector<EstimationRow>& rows) {
   Table table;
   for (const auto& [method, num_least] : LeastCostCounts(rows)) {
     EstimationRow sum;
-    int num_runs = 0, num_solved = 0;
+    int num_runs = 0, num_known = 0, num_solved = 0, num_with_digits = 0;
     double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
     for (const EstimationRow& row : rows) {
       if (row.method != method) continue;
       ++num_runs;
-      if (IsSolved(row)) {
-        ++num_solved;
-        if (row.digits) worst_digits += row.digits->minCoeff();
-        if (row.digits) mean_digits += row.digits->mean();
+      if (row.is_solved) ++num_known;
+      if (IsSolved(row)) ++num_solved;
+      if (IsSolved(row) && row.digits) {
+        ++num_with_digits;
+        worst_digits += row.digits->minCoeff();
+        mean_digits += row.digits->mean();
       }
       sum.num_iterations += row.num_iterations;
       sum.num_accepted += row.num_accepted;
       sum.num_rejected += row.num_rejected;
       sum.seconds += row.seconds;
     }
-    const auto mean = [num_solved](double digits) {
-      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
+    const auto mean = [num = num_with_digits](double digits) {
+      return num > 0 ? FormatNumber(digits / num, 3) : "-";
     };
-    const auto share = [num_runs](int count) {
-      return fmt::format("{} of {}", count, num_runs);
+    const auto share = [](int count, int of) {
+      return fmt::format("{} of {}", count, of);
     };
     table.BeginRow();
     table.Add("method", method, kLeft);
     table.Add("starts", std::to_string(num_runs));
-    table.Add("least cost", share(num_least));
-    if (HasSolutions(rows)) table.Add("solved", share(num_solved));
+    table.Add("least cost", share(num_least, num_runs));
+    if (HasSolutions(rows)) table.Add("solved", share(num_solved, num_known));
     if (has_digits) {
       table.Add("digits", mean(worst_digits));
       table.Add("mean digits", mean(mean_digits));

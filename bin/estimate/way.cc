@@ -112,8 +112,10 @@ bool MinimizeByWay(const Way& way,
   separable_options.block_name = options.block_name;
   const auto separable =
       SeparableProblem::Create(separable_options, linear, problem, error);
+  MinimizerOptions reduced_options = options;
+  reduced_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   if (separable == nullptr || !MinimizeProblem(way.method,
-                                               options,
+                                               reduced_options,
                                                /*elimination_order=*/nullptr,
                                                separable->reduced(),
                                                summary,

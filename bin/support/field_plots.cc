@@ -35,6 +35,14 @@ std::vector<const LearningRunResult*> BestRuns(
   return runs;
 }
 
+std::vector<std::string> ShortNamesOf(
+    const std::vector<const LearningRunResult*>& runs) {
+  std::vector<std::string> labels;
+  labels.reserve(runs.size());
+  for (const LearningRunResult* run : runs) labels.push_back(run->label);
+  return ShortNames(labels);
+}
+
 // The panels of a sample's fields.
 class FieldPanels {
  public:
@@ -140,8 +148,10 @@ Picture FieldsPicture(const LearningProblem& problem,
                       const std::vector<const LearningRunResult*>& runs) {
   FieldPanels panels(problem);
   panels.AddNetwork("initial weights", initial_weights);
-  for (const LearningRunResult* run : BestRuns(problem, runs)) {
-    panels.AddNetwork(ShortNames({run->label})[0], run->weights);
+  const std::vector<const LearningRunResult*> best = BestRuns(problem, runs);
+  const std::vector<std::string> names = ShortNamesOf(best);
+  for (size_t i = 0; i < best.size(); ++i) {
+    panels.AddNetwork(names[i], best[i]->weights);
   }
   return panels.Take(path_png);
 }
@@ -178,10 +188,12 @@ Picture FunctionPicture(const LearningProblem& problem,
   const VectorXd truth = function.truth();
   AddFunctionPanels("u*", function.rows, truth, nullptr, &picture);
   picture.panels.emplace_back();
-  for (const LearningRunResult* run : BestRuns(problem, runs)) {
+  const std::vector<const LearningRunResult*> best = BestRuns(problem, runs);
+  const std::vector<std::string> names = ShortNamesOf(best);
+  for (size_t i = 0; i < best.size(); ++i) {
     const auto pass = problem.model->network().NewPass();
     std::string ignored;
-    if (!problem.model->Forward(run->weights,
+    if (!problem.model->Forward(best[i]->weights,
                                 problem.test,
                                 Network::Derivatives::kNone,
                                 pass.get(),
@@ -189,7 +201,7 @@ Picture FunctionPicture(const LearningProblem& problem,
       continue;
     }
     AddFunctionPanels(
-        ShortNames({run->label})[0],
+        names[i],
         function.rows,
         function.values(problem.model->SimulatorInputs(*pass), problem.test),
         &truth,

@@ -1,5 +1,6 @@
 #include "bin/support/learning_run_files.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <sstream>
@@ -72,6 +73,8 @@ bool WriteResult(const std::string& directory,
                  const LearningRunResult& result,
                  const RunIdentity& identity,
                  std::string* error) {
+  std::string message = result.summary.message;
+  std::replace(message.begin(), message.end(), '\n', ' ');
   const std::string text = fmt::format(
       "label {}\nseed {}\nsteps {}\nseconds {:.17g}\nsaturated {}\n"
       "termination {}\nmessage {}\n{}",
@@ -81,7 +84,7 @@ bool WriteResult(const std::string& directory,
       result.summary.train_time_in_seconds,
       result.num_saturated,
       static_cast<int>(result.summary.termination_type),
-      result.summary.message,
+      message,
       identity.text());
   std::string digest;
   return MakeDigestLine(directory, text, &digest, error) &&

@@ -2,6 +2,7 @@
 #ifndef BIN_SUPPORT_RUN_OUTPUT_H_
 #define BIN_SUPPORT_RUN_OUTPUT_H_
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,10 @@ struct SeedSpread {
 
   // "0.1 - 0.3, 1 of 3 failed or not run"
   std::string Text() const;
+  // Of all runs: infinity if one failed.
+  double Highest() const {
+    return num_failed > 0 ? std::numeric_limits<double>::infinity() : high;
+  }
 
   size_t num_runs = 0;
   size_t num_failed = 0;

@@ -42,6 +42,8 @@ Series RunCurve(const SweepResults& results, int point, bool against_seconds) {
                                       : static_cast<double>(row.step));
     curve.y.push_back(row.*(results.value.field));
   }
+  // A failed one ends in no value.
+  if (run->has_failed() && !curve.y.empty()) curve.y.back() = HistoryRow::kNone;
   return curve;
 }
 
@@ -138,7 +140,7 @@ std::string Answer(const SweepResults& results,
       scores.push_back({methods[rule].name,
                         value,
                         best->spread.low,
-                        best->spread.high,
+                        best->spread.Highest(),
                         static_cast<int>(best->spread.num_runs)});
       if (std::isnan(value)) continue;
       if (lowest == nullptr || value < lowest->spread.median) lowest = best;

@@ -42,15 +42,18 @@ PAGES = pathlib.Path(__file__).resolve().parent
 TABLE = re.compile(r"<!-- table:((?:.|\n)*?)-->\n\n((?:\|.*\n)+)")
 LOSSES = ("train_loss", "test_loss", "best_train_loss", "metric")
 VALUES = (*LOSSES, "steps", "seconds", "ms_per_step")
-FAILED = ("diverged", "refused", "damaged", "killed")  # how a status begins
+# How a status begins, after the number of a phase.
+FAILED = re.compile(r"(phase \d+: )?(diverged|refused|damaged|killed|failed|"
+                    r"out of memory|not run|aborted)")
 
 
 def number(value, digits):
     if not math.isfinite(value):
         return "failed"
-    if isinstance(value, int) or 10**digits <= value < 1e6:
+    rounded = float(f"{value:.{digits}g}")  # 99.6 with two digits is 100
+    if isinstance(value, int) or 10**digits <= rounded < 1e6:
         return f"{value:,.0f}"
-    if 1e-3 <= value < 1e6 or value == 0:
+    if 1e-3 <= rounded < 1e6 or value == 0:
         return f"{value:#.{digits}g}".rstrip(".")
     return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+", "e")
 
@@ -64,7 +67,7 @@ def read(file):
         run["steps"] = int(run["steps"] or 0)
         for name in (*LOSSES, "seconds"):
             value = float(run[name] or "nan")
-            failed = run["status"].startswith(FAILED) and name in LOSSES
+            failed = FAILED.match(run["status"]) and name in LOSSES
             run[name] = math.inf if failed or math.isnan(value) else value
         run["ms_per_step"] = 1e3 * run["seconds"] / max(run["steps"], 1)
     return runs

@@ -53,8 +53,8 @@ class SimulatorCost final : public ceres::CostFunction {
  public:
   // `context`: c, constant. Without it, the context of a simulator that has one
   // is the second parameter block, such as an unknown mass or initial state: only
-  // for a simulator with ContextJacobian (CHECKed), which functors on one scalar
-  // type for input and context have, and all that step a state through time.
+  // for a simulator with ContextJacobian (CHECKed), which functors have whose
+  // context has a scalar type of its own, and all that step a state through time.
   // `residual`: a cost function with one parameter block, y, in place of y - y*;
   // ceres::NormalPrior(A, target) is A (y - y*).
   SimulatorCost(std::shared_ptr<const Simulator> simulator,

@@ -113,8 +113,8 @@ class DenseNetwork final : public Network,
                bool want_curvatures,
                Activations* activations) const;
 
-  // The same for the jets of the inputs: |a| x B T. Not for ReLU, whose second
-  // derivative is zero almost everywhere (CHECKed).
+  // The same for the jets of the inputs: |a| x B T. Of ReLU, whose second
+  // derivative is zero almost everywhere, only of order one (CHECKed).
   void ForwardJets(const Eigen::VectorXd& weights,
                    const std::shared_ptr<const DerivativeSet>& derivatives,
                    const Eigen::Ref<const Eigen::MatrixXd>& input_jets,

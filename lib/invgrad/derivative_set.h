@@ -65,6 +65,8 @@ class DerivativeSet {
   // "", "t", "xx+yy". CHECKs that the set has it.
   int ChannelOf(const std::string& word) const;
   const std::string& word(int channel) const { return channels_[channel].word; }
+  // Whether the other set has the same variables and channels, in their order.
+  bool HasChannelsOf(const DerivativeSet& other) const;
 
   // The jets of the variables at the points a: d T x N, a column a sample, with
   // the d values of channel 0, then those of channel 1, and so on.

@@ -52,6 +52,7 @@ struct LinearizationParts {
   // values, or otherwise how many products with J and J^T it takes, at most.
   bool factorization = false;
   bool by_cholesky = false;
+  bool by_parameter_gram = false;  // by J^T J even if m < n
   bool uses_sparsity = false;  // of J, if it is stored so, in the factorization
   int num_products = 0;
   int num_squares = 0;  // of n x n numbers that the rule keeps

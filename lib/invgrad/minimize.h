@@ -56,6 +56,9 @@ struct MinimizerOptions {
   // The evaluation callback of the problem, if any (see ProblemLinearizer). Not
   // owned.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
+  // The problem's Problem::Options::manifold_ownership, for proposals
+  // (UpdateCallback::Options).
+  ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
   // Of a block, in MinimizerSummary::first_outside_domain; "" or no function:
   // "block i".
   std::function<std::string(const double* values)> block_name;
@@ -96,6 +99,9 @@ struct MinimizerSummary {
 // update_callback.h.
 //
 // Cost:    one linearization and one step an iteration.
+// Units:   a rule whose steps depend on the units of single parameters may meet a
+//          tolerance far from a minimum. Of at most 50 parameters the message
+//          then says "no minimum", also after Ceres (MinimizeProblem).
 // Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
 //          finite) ends the run with ceres::FAILURE and a message that names
 //          the iteration; the blocks then have the last state at which all of

@@ -30,7 +30,7 @@
 //
 // Shapes:  theta: n; y: |y| B, stacked sample by sample, like g and the rows of
 //          J = dy/dtheta. Activations: B columns; with feedback B T, a sample's
-//          calls side by side; with jets the same, T = |a| + 2.
+//          calls side by side; with jets the same, T = num_channels().
 // Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h, chain_jacobian.h). Hessian, not with feedback:

@@ -93,7 +93,8 @@ class SeparableProblem {
 
   ~SeparableProblem();
 
-  // Over the memory of the user's blocks.
+  // Over the memory of the user's blocks. It owns no manifolds
+  // (manifold_ownership of MinimizerOptions and UpdateCallback::Options).
   ceres::Problem* reduced() { return &reduced_; }
 
   // Sets the linear parameters of the user's blocks to c, at the current values

@@ -189,7 +189,9 @@ struct TrainOptions {
   // The threads over the samples of a batch; the results do not depend on it.
   int num_threads = 1;
 
-  // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
+  // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h. It
+  // is checked before the run, by estimates. Where a rule falls back to a dearer
+  // decomposition in a step, the limit of memory_limit.h counts.
   double memory_limit = 0.0;
 
   // Null, or the ranks that share the run (internal/communicator.h): each

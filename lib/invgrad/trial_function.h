@@ -43,6 +43,7 @@ namespace invgrad {
 //   [](const InputJet* a, InputJet* f) { f[0] = sin(M_PI * a[0]) * a[1]; }
 //
 // For data: features of a network's inputs, boundary values, exact solutions.
+// Jets of one expression have the same derivatives (CHECKed).
 // Cost:    a product of jets an operation, and an allocation.
 // Fails:   never; outside the domain of a function its jet is not finite.
 class InputJet {
@@ -52,6 +53,8 @@ class InputJet {
       : jet_(Eigen::RowVectorXd::Constant(1, value)) {}
   InputJet(const DerivativeSet* set, Eigen::RowVectorXd jet);
 
+  // The derivatives that it has; null: a constant.
+  const DerivativeSet* set() const { return set_; }
   double value() const { return jet_[0]; }
   // T entries; of a constant one.
   const Eigen::RowVectorXd& jet() const { return jet_; }
@@ -154,7 +157,7 @@ struct TrialFunction {
                          const Eigen::MatrixXd& contexts) const;
 };
 
-// u at a point, with its derivatives in what the point depends on.
+// u at a point, with the derivatives that the point has.
 void EvaluateTrialFunction(const TrialFunction& trial,
                            const DenseNetwork& network,
                            const Eigen::VectorXd& weights,

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <tuple>
+#include <utility>
 
 #include "fmt/core.h"
 #include "fmt/ranges.h"
@@ -38,7 +40,7 @@ std::string TicksText(const Ticks& ticks) {
                         QuoteForGnuplot(ticks[i].second),
                         ticks[i].first);
   }
-  return text + ")";
+  return text + ") noenhanced";
 }
 
 // An axis of a panel: x, y or cb.
@@ -55,10 +57,13 @@ struct Axis {
   Axis(const char* axis_name,
        const std::string& text,
        bool may_be_log,
-       const AxisRange& given,
+       AxisRange given,
        const std::vector<double>& values,
        const Ticks& labels = {})
-      : name(axis_name), label(text), range(given), ticks(labels) {
+      : name(axis_name), label(text), ticks(labels) {
+    // gnuplot refuses an empty range that is given, and widens one of its own.
+    if (given.low && given.high && !(*given.low < *given.high)) given = {};
+    range = given;
     const bool has_values =
         std::any_of(values.begin(), values.end(), [&](double value) {
           return CanDraw(value, may_be_log);
@@ -309,27 +314,32 @@ AxisRange RangeOf(const std::vector<double>& values, bool is_log) {
 }
 
 std::vector<std::string> ShortNames(const std::vector<std::string>& labels) {
-  // "adam", ":epochs=5", ">newton", and "adam>newton" without the settings.
-  std::vector<std::vector<std::string>> pieces(labels.size());
+  // "adam", ":epochs=5", ">newton", each with the number of its phase, and
+  // "adam>newton" without the settings.
+  std::vector<std::vector<std::pair<int, std::string>>> pieces(labels.size());
   std::vector<std::string> bare(labels.size());
-  std::map<std::string, int> counts;  // of bare names, and with one setting
+  // Of bare names (phase -1), and with one setting.
+  std::map<std::tuple<std::string, int, std::string>, int> counts;
   for (size_t i = 0; i < labels.size(); ++i) {
     const std::string& label = labels[i];
+    int phase = 0;
     for (size_t begin = 0, end = 0; begin < label.size(); begin = end) {
       end = std::min(label.find_first_of(":>", begin + 1), label.size());
-      pieces[i].push_back(label.substr(begin, end - begin));
-      if (label[begin] != ':') bare[i] += pieces[i].back();
+      if (label[begin] == '>') ++phase;
+      pieces[i].emplace_back(phase, label.substr(begin, end - begin));
+      if (label[begin] != ':') bare[i] += pieces[i].back().second;
     }
-    ++counts[bare[i]];
-    for (const std::string& piece : pieces[i]) {
-      if (piece[0] == ':') ++counts[bare[i] + piece];
+    ++counts[{bare[i], -1, ""}];
+    for (const auto& [of_phase, piece] : pieces[i]) {
+      if (piece[0] == ':') ++counts[{bare[i], of_phase, piece}];
     }
   }
   std::vector<std::string> names(labels.size());
   for (size_t i = 0; i < labels.size(); ++i) {
-    for (const std::string& piece : pieces[i]) {
+    for (const auto& [phase, piece] : pieces[i]) {
       const bool is_shared =
-          piece[0] == ':' && counts[bare[i] + piece] == counts[bare[i]];
+          piece[0] == ':' &&
+          counts[{bare[i], phase, piece}] == counts[{bare[i], -1, ""}];
       if (!is_shared) names[i] += piece;
     }
   }

@@ -8,6 +8,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/internal/logging.h"
 #include "muParser.h"
 
 namespace invgrad {
@@ -204,7 +205,23 @@ bool Formula::Parse(const std::string& text,
   }
   formula->variables_ = std::move(record.variables);
   formula->operations_ = std::move(record.operations);
+  formula->SetConstants(std::vector<bool>(formula->variables_.size(), false));
   return true;
+}
+
+void Formula::SetConstants(const std::vector<bool>& are_constant) {
+  CHECK_EQ(are_constant.size(), variables_.size());
+  const auto is_constant = [this](int index) {
+    return index < 0 || operations_[index].is_constant;
+  };
+  for (Operation& operation : operations_) {
+    operation.is_constant =
+        operation.op == Op::kNumber ||
+        (operation.op == Op::kVariable
+             ? are_constant[operation.a]
+             : is_constant(operation.a) && is_constant(operation.b) &&
+                   is_constant(operation.c));
+  }
 }
 
 }  // namespace invgrad

@@ -6,7 +6,9 @@
 //   atan2(y, x) pow(a, b) min(a, b) max(a, b) if(condition, a, b)
 //
 // -a^b is -(a^b). log is the natural logarithm. All other names are variables.
-// A condition, comparison, minimum or maximum of NaN is NaN.
+// A condition, comparison, minimum or maximum of NaN is NaN. What depends on
+// constants alone is evaluated on doubles: sqrt(x) and x^b have no derivative by
+// a constant x, which would not be finite at x = 0.
 //
 // muParser [1] reads the text. It evaluates doubles only, and differences of
 // them depend on the units of a parameter; so it is given functions that record
@@ -36,6 +38,9 @@ class Formula {
 
   // In the order in which they appear.
   const std::vector<std::string>& variables() const { return variables_; }
+
+  // Whether each variable is a constant: has no derivatives. At first none is.
+  void SetConstants(const std::vector<bool>& are_constant);
 
   // `values`: of the variables.
   template <typename T>
@@ -81,9 +86,15 @@ class Formula {
     int b = 0;
     int c = 0;
     double number = 0.0;
+    bool is_constant = false;  // see SetConstants
   };
 
  private:
+  template <typename T>
+  T EvaluateOperation(const Operation& operation,
+                      const std::vector<T>& values,
+                      const std::vector<T>& results) const;
+
   std::vector<std::string> variables_;
   std::vector<Operation> operations_;
   int result_ = 0;
@@ -177,10 +188,17 @@ T EvaluateComparison(Formula::Op op, const T& a, const T& b) {
   }
 }
 
-// The operations of two arguments, without powers.
+inline double ValueOf(double a) { return a; }
+template <typename T, int N>
+double ValueOf(const ceres::Jet<T, N>& a) {
+  return ValueOf(a.a);
+}
+
+// The operations of two arguments.
 template <typename T>
 T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
   using std::atan2;
+  using std::pow;
   switch (op) {
     case Formula::Op::kAdd:
       return a + b;
@@ -190,6 +208,8 @@ T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
       return a * b;
     case Formula::Op::kDivide:
       return a / b;
+    case Formula::Op::kPower:
+      return pow(a, b);
     case Formula::Op::kAtan2:
       return atan2(a, b);
     default:
@@ -199,37 +219,44 @@ T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
 
 }  // namespace internal
 
+// `results`: of the earlier operations.
+template <typename T>
+T Formula::EvaluateOperation(const Operation& operation,
+                             const std::vector<T>& values,
+                             const std::vector<T>& results) const {
+  using internal::ValueOf;
+  using std::pow;
+  const int a = operation.a;
+  const int b = operation.b;
+  if (operation.op == Op::kNumber) return T(operation.number);
+  if (operation.op == Op::kVariable) return values[a];
+  if (operation.op == Op::kIf) {
+    return internal::EvaluateIf(results[a], results[b], results[operation.c]);
+  }
+  if (b < 0) {
+    return operation.is_constant
+               ? T(internal::EvaluateFunction(operation.op,
+                                              ValueOf(results[a])))
+               : internal::EvaluateFunction(operation.op, results[a]);
+  }
+  if (operation.is_constant) {
+    return T(internal::EvaluateOperator(
+        operation.op, ValueOf(results[a]), ValueOf(results[b])));
+  }
+  if (operation.op == Op::kPower) {
+    if (operations_[a].is_constant) return pow(ValueOf(results[a]), results[b]);
+    // A constant power of a negative number has derivatives.
+    if (operations_[b].is_constant) return pow(results[a], ValueOf(results[b]));
+  }
+  return internal::EvaluateOperator(operation.op, results[a], results[b]);
+}
+
 template <typename T>
 T Formula::Evaluate(const std::vector<T>& values) const {
-  using std::pow;
   std::vector<T> results;
   results.reserve(operations_.size());
   for (const Operation& operation : operations_) {
-    const int a = operation.a;
-    const int b = operation.b;
-    switch (operation.op) {
-      case Op::kNumber:
-        results.push_back(T(operation.number));
-        break;
-      case Op::kVariable:
-        results.push_back(values[a]);
-        break;
-      case Op::kPower:
-        // A constant power of a negative number has derivatives.
-        results.push_back(operations_[b].op == Op::kNumber
-                              ? T(pow(results[a], operations_[b].number))
-                              : T(pow(results[a], results[b])));
-        break;
-      case Op::kIf:
-        results.push_back(
-            internal::EvaluateIf(results[a], results[b], results[operation.c]));
-        break;
-      default:
-        results.push_back(
-            b < 0 ? internal::EvaluateFunction(operation.op, results[a])
-                  : internal::EvaluateOperator(
-                        operation.op, results[a], results[b]));
-    }
+    results.push_back(EvaluateOperation(operation, values, results));
   }
   return results[result_];
 }

@@ -196,6 +196,9 @@ bool ReadVariables(const Input& input,
             ? num_predictors++
             : -1 - static_cast<int>(parameter - regression->names.begin()));
   }
+  std::vector<bool> are_predictors;
+  for (const int source : model->sources) are_predictors.push_back(source >= 0);
+  model->formula.SetConstants(are_predictors);
   regression->predictors.resize(static_cast<Index>(input.table.rows.size()),
                                 num_predictors);
   for (int k = 0; k < num_predictors; ++k) {

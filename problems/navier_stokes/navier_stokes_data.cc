@@ -25,8 +25,9 @@ VectorXd RandomMarker(const FourierGrid& grid,
                       const NavierStokesSettings& settings,
                       NumpyRandom* random) {
   constexpr double kHalfSide = 28.0;
-  const Vector2d centre(random->Uniform(32.0, 96.0),
-                        random->Uniform(32.0, 96.0));
+  Vector2d centre;
+  centre.y() = random->Uniform(32.0, 96.0);
+  centre.x() = random->Uniform(32.0, 96.0);
   const VectorXd field = RandomField(grid, random);
   std::vector<int> cells;
   for (int cell = 0; cell < grid.num_cells(); ++cell) {

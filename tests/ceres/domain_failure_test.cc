@@ -328,6 +328,36 @@ struct Tenth {
   }
 };
 
+struct LogPlusFour {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    using std::log;
+    r[0] = log(x[0]) + 4.0;
+    return true;
+  }
+};
+
+// From 1 the step of Gauss-Newton is -4 for both; one stops at its bound.
+TEST_F(DomainFailureTest, AParameterAtItsBoundIsNotTheReason) {
+  double a = 1.0, b = 1.0;
+  for (double* x : {&a, &b}) {
+    problem_.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<LogPlusFour, 1, 1>(new LogPlusFour),
+        nullptr,
+        x);
+  }
+  problem_.SetParameterLowerBound(&a, 0, 1e-3);
+  ASSERT_TRUE(ExplainNextStep(SolverOptions(nullptr),
+                              {},
+                              ReadStructure(problem_, {}),
+                              problem_,
+                              &failure_));
+  EXPECT_EQ(failure_.residual_block, 1);
+  EXPECT_EQ(failure_.num_failing_blocks, 1);
+  ASSERT_EQ(failure_.parameters.size(), 1u);
+  EXPECT_EQ(failure_.parameters[0].block, 1);
+}
+
 TEST_F(DomainFailureTest, FailingPlus) {
   double x = 0.5, y = 0.0;
   problem_.AddResidualBlock(
@@ -336,11 +366,13 @@ TEST_F(DomainFailureTest, FailingPlus) {
       new ceres::AutoDiffCostFunction<Tenth, 1, 1>(new Tenth), nullptr, &x);
   problem_.SetManifold(&x, new Below2);
   constexpr char kText[] = "parameter `block 1` (Plus returned false)";
+  const ProblemStructure structure = ReadStructure(problem_, {});
+  const Bounds none(problem_, structure);
   ASSERT_TRUE(ExplainFailingStep(
-      {}, ReadStructure(problem_, {}), Eigen::Vector2d(0.1, 1.5), &failure_));
+      {}, structure, none, Eigen::Vector2d(0.1, 1.5), &failure_));
   EXPECT_EQ(failure_.ToText(), kText);
   EXPECT_FALSE(ExplainFailingStep(
-      {}, ReadStructure(problem_, {}), Eigen::Vector2d(0.1, 1.4), &failure_));
+      {}, structure, none, Eigen::Vector2d(0.1, 1.4), &failure_));
   ASSERT_TRUE(ExplainNextStep(SolverOptions(nullptr),
                               {},
                               ReadStructure(problem_, {}),

@@ -13,8 +13,10 @@
 #include "ceres/product_manifold.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/minimize.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
+#include "tests/support/parse_method.h"
 
 namespace invgrad {
 namespace false_convergence_test {
@@ -73,6 +75,43 @@ TEST(FalseConvergence, ToleranceFarFromAMinimumDoesNotEndTheSolve) {
           << x.transpose() << outcome.solver.FullReport();
       EXPECT_EQ(outcome.proposals.predicted_decrease, 0.0);
     }
+  }
+}
+
+// y = exp(log_a + b t)
+struct LogarithmicExponential {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    using std::exp;
+    residual[0] = exp(x[0] + x[1] * t) - y;
+    return true;
+  }
+  double t;
+  double y;
+};
+
+// Residuals of a small unit meet Ceres' gradient tolerance at the start.
+TEST(FalseConvergence, AGradientBelowTheToleranceMayBeNoMinimum) {
+  for (const char* method : {"ceres_lm", "ceres_lm+geodesic", "geodesic"}) {
+    Eigen::Vector2d x(-20.2, -0.2);
+    ceres::Problem problem;
+    for (int i = 0; i < 10; ++i) {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<LogarithmicExponential, 1, 2>(
+              new LogarithmicExponential{1.0 * i, 2e-9 * std::exp(-0.3 * i)}),
+          nullptr,
+          x.data());
+    }
+    MinimizerSummary summary;
+    std::string error;
+    ASSERT_TRUE(MinimizeProblem(
+        ParseMethod(method), {}, nullptr, &problem, &summary, &error))
+        << error;
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+    EXPECT_NE(summary.message.find("; no minimum: the linear model predicts "
+                                   "that the cost falls by 99 %"),
+              std::string::npos)
+        << summary.message;
   }
 }
 

@@ -1,5 +1,6 @@
 // What UpdateCallback refuses, and what it notices when it is used wrongly.
 
+#include <cmath>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -142,6 +143,28 @@ TEST(UpdateCallback, BlocksHeldConstantMeanwhileAreRefused) {
   ceres::Solver::Options options;
   p.problem.SetParameterBlockConstant(&p.x);
   EXPECT_DEATH(callback.AddTo(&options), "End the callback before");
+}
+
+TEST(UpdateCallback, LeavesInvalidTolerancesToCeres) {
+  for (double ceres::Solver::Options::*tolerance :
+       {&ceres::Solver::Options::function_tolerance,
+        &ceres::Solver::Options::gradient_tolerance,
+        &ceres::Solver::Options::parameter_tolerance}) {
+    for (const double value : {-1.0, std::nan("")}) {
+      TwoBlockRosenbrock p;
+      PowerRule rule(0.5);
+      UpdateCallback callback(&rule, &p.problem);
+      ceres::Solver::Options options = SolverOptions(nullptr);
+      options.*tolerance = value;
+      callback.AddTo(&options);
+      ceres::Solver::Summary summary;
+      ceres::Solve(options, &p.problem, &summary);
+      EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+      EXPECT_NE(summary.message.find("_tolerance"), std::string::npos)
+          << summary.message;
+      EXPECT_EQ(p.x, -1.2);
+    }
+  }
 }
 
 // The second solve with the coarse options is as the first.

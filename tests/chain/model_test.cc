@@ -162,17 +162,19 @@ TEST_P(ModelTest, CostGradientAndHessianAreThoseOfTheFunctors) {
   double value;
   ASSERT_TRUE(model_.Cost(weights_, data_, &value, &error)) << error;
   EXPECT_NEAR(value, cost, kRounding);
-  for (int mask = 0; mask < 8; ++mask) {
+  for (int mask = 0; mask < 16; ++mask) {
     LinearizationParts parts;
     parts.gradient = (mask & 1) != 0;
     parts.jacobian = (mask & 2) != 0;
     parts.hessian = (mask & 4) != 0;
+    parts.loss_gradient = (mask & 8) != 0;
     Linearization at;
     ASSERT_TRUE(model_.Linearize(weights_, data_, parts, &at, &error)) << error;
     EXPECT_NEAR(at.cost, cost, kRounding);
     ASSERT_EQ(at.gradient.size() > 0, parts.gradient);
     ASSERT_EQ(at.jacobian != nullptr, parts.jacobian);
-    ASSERT_EQ(at.loss_gradient.size() > 0, parts.jacobian);
+    ASSERT_EQ(at.loss_gradient.size() > 0,
+              parts.jacobian || parts.loss_gradient);
     ASSERT_EQ(at.hessian.size() > 0, parts.hessian);
     if (parts.gradient) {
       EXPECT_LT((at.gradient - gradient).norm(), kRounding);

@@ -342,6 +342,29 @@ TEST(DistributedTraining, RefusesRanksOfOtherRuns) {
       << losses.error;
 }
 
+// Each rank has a folder of its own, and only rank 0 writes.
+TEST(DistributedTraining, RefusesACheckpointThatNotAllRanksHave) {
+  if (Ranks()->size() == 1) GTEST_SKIP() << "one rank";
+  const LearningProblem problem =
+      MakeProblem("oscillator_chain:num_samples=80");
+  const TemporaryFolder folder;
+  TrainOptions options;
+  options.batch_size = 13;
+  options.max_num_steps = 3;
+  options.communicator = Ranks();
+  options.checkpoint_path = folder / "checkpoint";
+  const auto train = [&] {
+    return invgrad::Train(
+        *problem.model, {problem.train, problem.test}, "adam", options);
+  };
+  EXPECT_EQ(train().error, "");
+  options.max_num_steps = 5;
+  const TrainResult result = train();
+  EXPECT_NE(result.error.find("begins at step 0, rank 0 at step 3"),
+            std::string::npos)
+      << result.error;
+}
+
 // A simulator of one rank's samples fails: the message names the sample of the
 // whole batch, as in one process.
 TEST(DistributedTraining, NamesTheSampleThatFails) {

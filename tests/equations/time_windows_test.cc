@@ -43,6 +43,11 @@ TEST(TimeWindows, SolveAnEquationContinuously) {
     // As well as eight neurons know u.
     EXPECT_NEAR(u(s), DecaySolution(kRate, points.col(s)), 1e-3);
   }
+  MatrixXd nowhere(2, 2);
+  nowhere << 0.5, std::nan(""), 0.0, 0.0;
+  ASSERT_TRUE(solutions.At(nowhere, &u, &error)) << error;
+  EXPECT_TRUE(std::isfinite(u(0)));
+  EXPECT_TRUE(std::isnan(u(1)));
   // At the seam, also at other x than those of the points.
   MatrixXd seam(2, 3), before, after;
   seam << 0.5, 0.5, 0.5, -0.93, 0.01, 0.77;

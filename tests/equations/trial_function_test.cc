@@ -219,6 +219,40 @@ TEST(TrialFunction, IsAFunctionOfJets) {
       kRounding);
 }
 
+// With derivatives of its own: more of them, others, and in another order.
+TEST(TrialFunction, HasTheDerivativesOfThePoint) {
+  const TrialFunction trial = Periodic({"t", "xx"});
+  const DenseNetwork network({3, 6, 5, 2}, Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network.num_weights(), 1, 2);
+  const MatrixXd points = RandomMatrix(2, 4, 3);
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"x"}, {"x", "t"}, {"xx", "t", "x", "tx"}}) {
+    const auto set = Set(words);
+    const auto jets_by = [&](const TrialFunction& of) {
+      return JetsOf(
+          *set,
+          2,
+          [&](const InputJet* a, InputJet* u) {
+            EvaluateTrialFunction(of, network, weights, a, u);
+          },
+          points);
+    };
+    EXPECT_LT((jets_by(trial) - jets_by(Periodic(words))).norm(), kRounding);
+  }
+}
+
+TEST(InputJetDeathTest, RefusesJetsWithOtherDerivatives) {
+  const auto a = Set({"t", "x"});
+  const auto b = Set({"x", "t"});
+  const auto same = Set({"t", "x"});
+  const InputJet jet(a.get(), Eigen::RowVector3d(1.0, 2.0, 3.0));
+  const InputJet equal(same.get(), Eigen::RowVector3d(1.0, 2.0, 3.0));
+  const InputJet other(b.get(), Eigen::RowVector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ((jet + equal).jet(), Eigen::RowVector3d(2.0, 4.0, 6.0));
+  EXPECT_DEATH(jet + other, "Jets with other derivatives");
+  EXPECT_DEATH(jet * other, "Jets with other derivatives");
+}
+
 TEST(InputJet, ErfcHasItsDerivatives) {
   const auto set = Set({"xxxx"});
   const auto at = [&](double x) {

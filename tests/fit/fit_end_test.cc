@@ -84,6 +84,31 @@ TEST(FitEnd, ToleranceFarFromAMinimumDoesNotEndTheFit) {
   }
 }
 
+// In units in which the gradient at the start, 4e-18, is below Ceres' tolerance.
+TEST(FitEnd, ResidualsOfASmallUnitAreFitted) {
+  constexpr double kUnit = 2e-9;
+  std::vector<double> t;
+  std::vector<double> y;
+  for (int i = 0; i < 10; ++i) {
+    t.push_back(i);
+    y.push_back(kUnit * std::exp(-0.3 * i));
+  }
+  std::vector<FitResult<2>> fits(1);
+  fits[0].x << -20.2, -0.2;
+  FitMany(
+      FitOptions(),
+      [&](int, int i, const auto* x, auto* residual) {
+        using std::exp;
+        *residual = exp(x[0] + x[1] * t[i]) - y[i];
+        return true;
+      },
+      {10},
+      &fits);
+  EXPECT_TRUE(fits[0].IsConverged()) << fits[0].StatusText();
+  EXPECT_NEAR(fits[0].x[0], std::log(kUnit), 1e-6);
+  EXPECT_NEAR(fits[0].x[1], -0.3, 1e-6);
+}
+
 // Where 50 iterations do not suffice, the fit says so.
 TEST(FitEnd, AnEndThatIsNoMinimumIsNotConverged) {
   std::vector<double> t;

@@ -1,5 +1,6 @@
 // A linear simulator is pulled back by the inverse powers of its own J, with
 // the result of a decomposition for each sample.
+#include <limits>
 #include <memory>
 #include <string>
 #include <thread>
@@ -59,6 +60,18 @@ MatrixXd RandomMatrix(int rows, int cols, int rank, unsigned seed) {
   return svd.U.leftCols(rank) *
          VectorXd::LinSpaced(rank, 2.0, 0.1).asDiagonal() *
          svd.V.leftCols(rank).transpose();
+}
+
+TEST(SmallSvd, OfAMatrixThatIsNotFiniteIsNaN) {
+  for (const int size : {3, 20}) {
+    MatrixXd A = MatrixXd::Identity(size, size);
+    A(1, 2) = std::numeric_limits<double>::quiet_NaN();
+    SmallSvd svd;
+    svd.Compute(A);
+    EXPECT_TRUE(svd.s.array().isNaN().all());
+    EXPECT_TRUE(svd.U.array().isNaN().all());
+    EXPECT_TRUE(svd.V.array().isNaN().all());
+  }
 }
 
 TEST(LinearPullBack, EqualsADecompositionForEachSample) {

@@ -37,6 +37,13 @@ Phase ParsePhase(const std::string& text) {
 
 // --- Parsing ---
 
+TEST(Method, ADefaultThatIsWrittenChangesNothing) {
+  EXPECT_TRUE(ParsePhase("adaptive").races_batch_size);
+  EXPECT_TRUE(ParsePhase("adaptive:output_layer=trained").races_batch_size);
+  EXPECT_FALSE(ParsePhase("adaptive:output_layer=exact").races_batch_size);
+  EXPECT_FALSE(ParsePhase("adaptive:batch_size=8").races_batch_size);
+}
+
 TEST(Method, SettingsOfAChainGoToTheRuleIfItHasThemAndElseToTheWays) {
   const Phase phase = ParsePhase(
       "newton/inverse/half_inverse:truncation=1e-3:y_step_size=0.5:"

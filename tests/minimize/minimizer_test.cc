@@ -235,6 +235,56 @@ struct RotationError {
   double b[3];
 };
 
+// As in ceres::Solve, only costs that can change decide; the summary has all.
+TEST(Minimizer, AFixedCostDoesNotMeetTheTolerance) {
+  RosenbrockProblem rosenbrock;
+  double constant = 1e6;
+  rosenbrock.problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset{1.0, 0.0}),
+      nullptr,
+      &constant);
+  rosenbrock.problem.SetParameterBlockConstant(&constant);
+  MinimizerSummary summary;
+  Minimize(MinimizerOptions(),
+           MakeRule("geodesic").get(),
+           &rosenbrock.problem,
+           &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(rosenbrock.x[0], 1.0, 1e-6);
+  EXPECT_NEAR(rosenbrock.x[1], 1.0, 1e-6);
+  EXPECT_EQ(summary.final_cost, 5e11);
+  EXPECT_NEAR(summary.initial_cost, 5e11 + 12.1, 1e-3);
+}
+
+struct SquareMinusOne {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] * x[0] - 1.0;
+    return true;
+  }
+};
+
+// L = 1/2 (x^2 - 1)^2 has L'' = 22 at x = 2, where differences over a length that
+// suits the start, 1e6, would give another value.
+TEST(Minimizer, ProductsWithTheHessianAreOfTheCurrentPoint) {
+  double x = 1e6;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<SquareMinusOne, 1, 1>(new SquareMinusOne),
+      nullptr,
+      &x);
+  LinearizationParts parts = LinearizationParts::Gradient();
+  parts.hessian_times = true;
+  Eigen::VectorXd Hv;
+  FunctionRule rule(parts, [&](const auto& at_x, auto* step, auto* error) {
+    *step = Eigen::VectorXd::Constant(1, 2.0 - x);
+    return at_x.hessian_times(Eigen::VectorXd::Ones(1), &Hv, error);
+  });
+  MinimizerSummary summary;
+  Minimize(NoTolerances(2), &rule, &problem, &summary);
+  EXPECT_NEAR(Hv[0], 22.0, 1e-6);
+}
+
 TEST(Minimizer, Quaternion) {
   const double truth[4] = {0.5, -0.5, 0.1, 0.7};  // unit length
   const double point[3] = {1.0, 2.0, -0.5};

@@ -85,67 +85,10 @@ VectorXd WithOverlap(double overlap, double angle) {
                 angle);
 }
 
-TEST(RescaledInfidelity, MultipliesGradientAndHessianAndNotTheValue) {
-  const AutoDiffLoss<Infidelity, kSize> plain;
-  const RescaledInfidelity rescaled;
-  EXPECT_FALSE(rescaled.SquaredNormFactor().has_value());
-  const VectorXd target = Es(2);
-  for (double overlap : {1.0, 0.5, 1e-3}) {
-    for (double angle : {0.0, 0.4, 2.5, -1.5}) {
-      const VectorXd y = WithOverlap(overlap, angle);
-      double loss[2];
-      VectorXd g[2] = {VectorXd(kSize), VectorXd(kSize)};
-      Eigen::MatrixXd H[2] = {Eigen::MatrixXd(kSize, kSize),
-                              Eigen::MatrixXd(kSize, kSize)};
-      ASSERT_TRUE(plain.Evaluate(
-          y.data(), target.data(), &loss[0], g[0].data(), H[0].data()));
-      ASSERT_TRUE(rescaled.Evaluate(
-          y.data(), target.data(), &loss[1], g[1].data(), H[1].data()));
-      EXPECT_EQ(loss[0], loss[1]);
-      // |gradient| = 2 |<y*|y>| of the infidelity, so 2 / |cos angle| here.
-      const double cosine = std::abs(std::cos(angle));
-      EXPECT_NEAR(g[1].norm(), 2.0 / cosine, 1e-11 / cosine);
-      const double factor = 1.0 / (overlap * cosine);
-      EXPECT_LT((g[1] - factor * g[0]).norm(), 1e-11 * g[1].norm());
-      EXPECT_LT((H[1] - factor * H[0]).norm(), 1e-11 * H[1].norm());
-      // Each of the two by itself.
-      VectorXd g_alone(kSize);
-      Eigen::MatrixXd H_alone(kSize, kSize);
-      ASSERT_TRUE(rescaled.Evaluate(
-          y.data(), target.data(), &loss[1], g_alone.data(), nullptr));
-      ASSERT_TRUE(rescaled.Evaluate(
-          y.data(), target.data(), &loss[1], nullptr, H_alone.data()));
-      EXPECT_LT((g_alone - g[1]).norm(), 1e-14 * g[1].norm());
-      EXPECT_LT((H_alone - H[1]).norm(), 1e-14 * H[1].norm());
-    }
-  }
-}
-
-TEST(RescaledInfidelity, HasAValueAndNoGradientWithoutOverlap) {
-  const RescaledInfidelity loss;
-  double value = 0.0;
-  VectorXd g(kSize);
-  Eigen::MatrixXd H(kSize, kSize);
-  const VectorXd target = Es(2);
-  VectorXd y = VectorXd::Zero(kSize);
-  y[1] = 1.0;  // imaginary where y* is real
-  ASSERT_TRUE(loss.Evaluate(y.data(), target.data(), &value, nullptr, nullptr));
-  EXPECT_NEAR(value, 1.0 - target[0] * target[0], 1e-15);
-  EXPECT_FALSE(
-      loss.Evaluate(y.data(), target.data(), &value, g.data(), nullptr));
-  EXPECT_FALSE(
-      loss.Evaluate(y.data(), target.data(), &value, nullptr, H.data()));
-}
-
-// A factor that depends on y and is not differentiated belongs to no loss.
-TEST(RescaledInfidelity, HasNoInvariantUnlikeTheInfidelity) {
-  EXPECT_TRUE(InfidelityLoss().has_invariant());
-  EXPECT_FALSE(RescaledInfidelity().has_invariant());
-}
-
 // |<y*|y cos a + p sin a>|^2 of complex states, by hand.
 TEST(InfidelityLoss, TheGreatCircleIsThatOfTheStates) {
   const InfidelityLoss loss;
+  EXPECT_TRUE(loss.has_invariant());
   const VectorXd target = Turned(0.6 * Es(2) + 0.8 * Es(3), 0.3);
   const VectorXd y = WithOverlap(0.4, 1.9);
   // With a part along i y, a phase, which is a motion on the sphere, too.
@@ -215,17 +158,6 @@ TEST(QuantumDipole, AutomaticStepsEndAtAMinimumOfTheLossOfTheStates) {
     }
     EXPECT_NEAR(along.Change(0.3 * eta), loss(0.3) - loss(0.0), 1e-10);
   }
-}
-
-TEST(QuantumDipole, RescalesOnDemandAlone) {
-  const auto is_rescaled = [](const std::string& specification) {
-    const LearningProblem problem = CreateLearningProblem(specification);
-    return dynamic_cast<const RescaledInfidelity*>(&problem.model->loss()) !=
-           nullptr;
-  };
-  EXPECT_FALSE(is_rescaled("quantum_dipole:num_samples=2"));
-  EXPECT_FALSE(is_rescaled("quantum_dipole:num_samples=2:rescale=false"));
-  EXPECT_TRUE(is_rescaled("quantum_dipole:num_samples=2:rescale=true"));
 }
 
 TEST(QuantumDipole, HasThePublishedSizes) {

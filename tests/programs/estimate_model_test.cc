@@ -219,6 +219,24 @@ TEST_F(EstimateModel, CountsTheLeastCostFromABadStart) {
   ExpectSays(output, {"1 of 1", "0 of 1"});
 }
 
+// sqrt(x) and x^b have no derivative by x, which would be infinite at 0.
+TEST_F(EstimateModel, TakesAPredictorOfZero) {
+  std::string text = "x,y\n";
+  for (int i = 0; i < 8; ++i) {
+    const double x = 0.5 * i;
+    text +=
+        fmt::format("{},{:.17g}\n", x, 3.0 * std::sqrt(x) + std::pow(x, 1.5));
+  }
+  const std::string table = WriteText("roots.csv", text);
+  RunQuietly(table,
+             "run",
+             {"--model=a*sqrt(x)+x^b*x^0.5",
+              "--start_values=a=1,b=0.5",
+              "--methods=ceres_lm"});
+  EXPECT_NEAR(ParameterOf("roots/ceres_lm.fit.csv", "a"), 3.0, 1e-9);
+  EXPECT_NEAR(ParameterOf("roots/ceres_lm.fit.csv", "b"), 1.0, 1e-9);
+}
+
 // In units in which a parameter is 1e-12 and its start is zero.
 TEST_F(EstimateModel, UnitsOfParametersDoNotMatter) {
   std::string text = "x,y\n";

@@ -141,6 +141,18 @@ TEST_F(PlotTest, CellsHavePlacesAndColors) {
   EXPECT_TRUE(Has(Script(plot), "maps = 0\n"));
 }
 
+// gnuplot draws nothing for a given range that is empty.
+TEST_F(PlotTest, AnEmptyRangeIsNotGiven) {
+  Plot plot;
+  plot.series.emplace_back();
+  plot.series[0].x = {0.0, 1.0};
+  plot.series[0].y = {2.0, 2.0};
+  plot.y_range = {2.0, 2.0};
+  EXPECT_TRUE(Has(Script(plot), "set yrange [*:*]"));
+  plot.y_range = {2.0, 3.0};
+  EXPECT_TRUE(Has(Script(plot), "set yrange [2:3]"));
+}
+
 TEST(ShortNames, LeaveOutWhatTheLabelsOfAMethodShare) {
   EXPECT_EQ(ShortNames({"adam:step_size=1e-3", "adaptive", "a/b/adam:x=1"}),
             (Strings{"adam", "adaptive", "a/b/adam"}));
@@ -155,6 +167,9 @@ TEST(ShortNames, LeaveOutWhatTheLabelsOfAMethodShare) {
   EXPECT_EQ(ShortNames({"ceres_lm+half_inverse:rho=1", "ceres_lm"}),
             (Strings{"ceres_lm+half_inverse", "ceres_lm"}));
   EXPECT_EQ(ShortNames({"", "x"}), (Strings{"", "x"}));
+  // The same settings in other phases.
+  EXPECT_EQ(ShortNames({"adam:x=1>newton:x=2:y=3", "adam:x=2>newton:x=1:y=3"}),
+            (Strings{"adam:x=1>newton:x=2", "adam:x=2>newton:x=1"}));
 }
 
 }  // namespace plot_script_test

@@ -59,6 +59,16 @@ TEST(DeterminedRule, IsTheStepOfTheFunction) {
   }
 }
 
+// Another problem of the same size has other blocks.
+TEST(DeterminedRule, TakesTheBlocksOfTheProblem) {
+  const MatrixXd J = NearlySingular(40, 6);
+  const VectorXd g = RandomMatrix(40, 1, 4);
+  const auto rule = MakeRule("determined:groups=blocks");
+  StepOf(rule.get(), At(J, g, {3, 3}));
+  const VectorXd step = StepOf(rule.get(), At(J, g, {2, 4}));
+  EXPECT_EQ(step, StepOf("determined:groups=blocks", At(J, g, {2, 4})));
+}
+
 TEST(DeterminedRule, AutomaticStepSizeUndoesTheScaleOfTheLoss) {
   const MatrixXd J = NearlySingular(40, 8);
   const VectorXd g = RandomMatrix(40, 1, 4);

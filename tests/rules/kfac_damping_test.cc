@@ -175,7 +175,7 @@ Linearization ByProducts(const LinearChain& chain) {
   }
   Linearization at_x = chain.At();
   at_x.jacobian = std::make_shared<ChainJacobian>(
-      network, weights, std::move(pass), std::move(simulators));
+      network, weights, std::move(pass), nullptr, std::move(simulators));
   return at_x;
 }
 

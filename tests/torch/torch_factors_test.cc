@@ -61,6 +61,7 @@ struct Pass {
         network,
         weights,
         std::move(pass),
+        nullptr,
         std::vector<std::unique_ptr<const JacobianOperator>>());
     return at_x;
   }

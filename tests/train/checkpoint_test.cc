@@ -68,7 +68,7 @@ class CheckpointTest : public testing::Test {
   const TemporaryFolder folder_;
   const std::string path_ = folder_ / "checkpoint";
   const RunIdentity identity_;
-  const std::string magic_ = "invgrad checkpoint, version 9\n";
+  const std::string magic_ = "invgrad checkpoint, version 10\n";
   const std::string damaged_ = "the file is truncated or damaged";
 };
 
@@ -142,7 +142,7 @@ TEST_F(CheckpointTest, ANulByteEndsNoLine) {
   EXPECT_EQ(ReadError(changed.insert(end_of_digest, junk)), damaged_);
   changed = bytes;
   EXPECT_EQ(ReadError(changed.insert(magic_.size() - 1, junk)),
-            "not of version 9, the one of this program");
+            "not of version 10, the one of this program");
 }
 
 TEST_F(CheckpointTest, WhatAForeignHeaderHoldsIsPrintable) {
@@ -159,7 +159,7 @@ TEST_F(CheckpointTest, ForeignFilesAndOldVersionsAreReported) {
   EXPECT_EQ(ReadError(""), "not a checkpoint");
   EXPECT_EQ(ReadError("hello\n"), "not a checkpoint");
   EXPECT_EQ(ReadError("invgrad checkpoint, version 1\n0\n"),
-            "not of version 9, the one of this program");
+            "not of version 10, the one of this program");
 }
 
 TEST_F(CheckpointTest, DamagedHeadersAreReported) {

@@ -1,12 +1,17 @@
 // output_layer=auto: a solved layer where it pays, and otherwise a trained one.
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/option_set.h"
+#include "invgrad/rules.h"
 #include "invgrad/train.h"
+#include "invgrad/update_rule.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
@@ -16,6 +21,33 @@
 
 namespace invgrad {
 namespace output_layer_fallback_test {
+
+// Adam, whose step `last` blows the weights up and is the last one.
+class FailingAdam final : public UpdateRule {
+ public:
+  struct Options {
+    int last = 1000;
+    void Describe(OptionSet* set) {
+      set->Add("last", &last, {1, 1000000}, "the last step");
+    }
+  };
+  explicit FailingAdam(const Options& options)
+      : last_(options.last), adam_(MakeRule("adam:step_size=1e-3")) {}
+  LinearizationParts Needs() const override { return adam_->Needs(); }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override {
+    *error = "no step";
+    if (++step_ > last_ || !adam_->ComputeStep(at_x, step, error)) return false;
+    if (step_ == last_) step->array() += 1e3;
+    return true;
+  }
+
+ private:
+  const int last_;
+  int step_ = 0;
+  const std::unique_ptr<UpdateRule> adam_;
+};
 
 struct Root {
   template <typename T>
@@ -85,6 +117,23 @@ TEST(OutputLayerFallback, AStalledPhaseTrainsAllLayersFromItsFirstWeights) {
   EXPECT_LT(result.history.back().train_loss,
             0.1 * exact.history.back().train_loss)
       << "the problem does not show why there is a fallback";
+}
+
+// The trained phase fails; the best weights that it had are still better.
+TEST(OutputLayerFallback, AFailureKeepsTheBestOfBothPhases) {
+  RegisterRule<FailingAdam>("failing_adam", "adam");
+  const TrainResult result = TrainProblem(
+      OfOneInput(), std::string("failing_adam") + kAuto, Steps(kNumSteps, 32));
+  EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(result.summary.message.find("final weights of the latter"),
+            std::string::npos)
+      << result.summary.message;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const HistoryRow& row : result.history) {
+    if (row.step > kNumSolvedSteps) lowest = std::min(lowest, row.train_loss);
+  }
+  EXPECT_EQ(MeanLoss(*OfOneInput().model, result.weights, OfOneInput().train),
+            lowest);
 }
 
 // Steps of 1e-12 change no loss, but the first solution of the layer does.

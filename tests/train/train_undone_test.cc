@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -121,12 +123,69 @@ TEST(Trainer, ARunWithoutAnyDerivativeFails) {
   train.targets = Eigen::MatrixXd::Ones(1, 6);
   TrainOptions options = Epochs(10, 2);
   options.initial_weights = Eigen::VectorXd::Zero(2);
-  for (const char* rule : {"geodesic", "ssbroyden"}) {
+  for (const auto& [rule, start] :
+       {std::pair("geodesic", "diverged at step 4: "),
+        {"ssbroyden", "diverged at step 4: "},
+        {"ceres_lm", ""},
+        {"ceres_lbfgs", ""}}) {
     const TrainResult result = Train(model, {train, DataSet()}, rule, options);
+    const std::string& message = result.summary.message;
     EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
-    EXPECT_EQ(result.summary.message.rfind("diverged at step 4: ", 0), 0u)
-        << result.summary.message;
+    EXPECT_EQ(message.rfind(start, 0), 0u) << message;
+    EXPECT_NE(message.find("its derivative is not"), std::string::npos)
+        << rule << ": " << message;
   }
+}
+
+struct Thrower {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    if (!std::is_same_v<T, double>) throw std::runtime_error("no derivative");
+    y[0] = x[0];
+    return true;
+  }
+};
+
+// Also from the threads that evaluate samples, and from that of Ceres.
+TEST(Trainer, ExceptionsOfASimulatorReachTheCaller) {
+  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
+                    std::make_shared<AutoDiffSimulator<Thrower, 1, 1>>(),
+                    std::make_shared<SquaredNormLoss>(1, 1.0),
+                    Reduction::kMean);
+  DataSet train;
+  train.inputs = Eigen::MatrixXd::Random(1, 64);
+  train.contexts.resize(0, 64);
+  train.targets = Eigen::MatrixXd::Ones(1, 64);
+  for (const char* rule : {"adam", "adaptive", "ceres_lm"}) {
+    for (const int num_threads : {1, 2}) {
+      TrainOptions options = Epochs(2, 64);
+      options.num_threads = num_threads;
+      EXPECT_THROW(Train(model, {train, DataSet()}, rule, options),
+                   std::runtime_error)
+          << rule;
+    }
+  }
+}
+
+// The first batch has no derivative: sqrt(0) at an input of zero. The steps on
+// the others move the root away.
+TEST(Trainer, CountsBatchesThatAreLeftOut) {
+  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
+                    std::make_shared<AutoDiffSimulator<Root, 1, 1>>(),
+                    std::make_shared<SquaredNormLoss>(1, 1.0),
+                    Reduction::kMean);
+  DataSet train;
+  train.inputs = Eigen::RowVectorXd::LinSpaced(6, 0.5, 1.0);
+  train.inputs(0) = 0.0;
+  train.contexts.resize(0, 6);
+  train.targets = Eigen::MatrixXd::Ones(1, 6);
+  TrainOptions options = Epochs(4, 2);
+  options.initial_weights = Eigen::Vector2d(1.0, 0.0);
+  const TrainResult result =
+      Train(model, {train, DataSet()}, "geodesic", options);
+  EXPECT_NE(result.summary.message.find("; 1 of 12 batches left out"),
+            std::string::npos)
+      << result.summary.message;
 }
 
 TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
@@ -475,8 +534,11 @@ TEST(Trainer, ABatchWithoutADerivativeEndsTheRunWithThisReason) {
       << message;
   EXPECT_EQ(MessageWithKinks("adam", 1.0, 0.0).rfind("diverged at step 2", 0),
             0u);
-  EXPECT_EQ(MessageWithKinks("geodesic", 1.0, 0.0), "epochs done");
-  EXPECT_EQ(MessageWithKinks("geodesic", 0.0, 1.0), "epochs done");
+  for (const double first : {0.0, 1.0}) {
+    EXPECT_EQ(MessageWithKinks("geodesic", first, 1.0 - first),
+              "epochs done; 2 of 4 batches left out, for which there was no "
+              "finite loss or derivative");
+  }
 }
 
 }  // namespace train_undone_test

@@ -55,7 +55,11 @@ TEST(TrainingMemory, CountsTheMatricesOfAStep) {
       };
   EXPECT_EQ(bytes("newton", kHessian, 10), 4.0 * 8.0 * 33 * 33);
   EXPECT_EQ(bytes("ssbroyden", "matrices of the rule", 10), 8.0 * 33 * 33);
-  for (const char* rule : {"half_inverse", "geodesic", "determined"}) {
+  // J^T J also where m < n.
+  EXPECT_EQ(bytes("determined", kGram, 10), 2.0 * 8.0 * 33 * 33);
+  EXPECT_EQ(bytes("determined", "matrices of the rule", 10),
+            4.0 * 8.0 * 33 * 33);
+  for (const char* rule : {"half_inverse", "geodesic"}) {
     EXPECT_EQ(bytes(rule, "factors of J", 10), 8.0 * 30 * 5) << rule;
     EXPECT_EQ(bytes(rule, kGram, 10), 2.0 * 8.0 * 30 * 30) << rule;
     EXPECT_EQ(bytes(rule, "J", 10), 0.0) << rule;

@@ -26,7 +26,7 @@ Bounds::Bounds(const ceres::Problem& problem,
 }
 
 void Bounds::Project(Eigen::VectorXd* state) const {
-  *state = state->cwiseMax(lower_).cwiseMin(upper_);
+  if (any()) *state = state->cwiseMax(lower_).cwiseMin(upper_);
 }
 
 bool IsWithoutBounds(const ceres::Problem& problem,

@@ -270,12 +270,14 @@ bool ExplainDomainFailure(const DomainFailure::Options& options,
 
 bool ExplainFailingStep(const DomainFailure::Options& options,
                         const ProblemStructure& structure,
+                        const Bounds& bounds,
                         const Eigen::VectorXd& step,
                         DomainFailure* failure) {
   CHECK(failure != nullptr);
   Eigen::VectorXd bad;
   const std::vector<int> failing = structure.Plus(step, &bad);
   if (failing.empty()) {
+    bounds.Project(&bad);
     return ExplainDomainFailure(
         options, structure, structure.State(), bad, failure);
   }
@@ -362,9 +364,11 @@ bool ExplainNextStep(const ceres::Solver::Options& solver_options,
     ceres::Solve(one_step, &copy, &summary);
   }
   structure.SetState(start);
+  const Bounds bounds(problem, structure);
   // Within a solve Ceres scales J as at its start, and the step may be longer.
   for (const double factor : {1.0, 2.0}) {
-    if (ExplainFailingStep(options, structure, factor * step, failure)) {
+    if (ExplainFailingStep(
+            options, structure, bounds, factor * step, failure)) {
       return true;
     }
   }

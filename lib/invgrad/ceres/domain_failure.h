@@ -36,6 +36,7 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/update_callback.h"
 
@@ -52,9 +53,10 @@ bool ExplainDomainFailure(const DomainFailure::Options& options,
                           const Eigen::VectorXd& bad_state,
                           DomainFailure* failure);
 
-// Explains the failure of Plus(current values, step).
+// Explains the failure of Plus(current values, step), projected onto the bounds.
 bool ExplainFailingStep(const DomainFailure::Options& options,
                         const ProblemStructure& structure,
+                        const Bounds& bounds,
                         const Eigen::VectorXd& step,
                         DomainFailure* failure);
 

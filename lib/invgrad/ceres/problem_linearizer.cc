@@ -185,8 +185,10 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     *error = "the Hessian is not finite";
     return false;
   }
-  if (parts.jacobian) {
+  if (parts.jacobian || parts.loss_gradient) {
     linearization->loss_gradient = std::move(r);
+  }
+  if (parts.jacobian) {
     if (IsDense(J.nonZeros(), J.rows(), J.cols())) {
       linearization->jacobian = std::make_shared<DenseJacobian>(
           Eigen::MatrixXd(J), structure_.tangent_sizes);

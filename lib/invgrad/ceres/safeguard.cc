@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "invgrad/ceres/copy_problem.h"
+#include "invgrad/ceres/predicted_decrease.h"
 #include "invgrad/internal/model_decrease.h"
-#include "invgrad/internal/qr.h"
 
 namespace invgrad {
 namespace {
@@ -30,9 +30,12 @@ ceres::Problem::EvaluateOptions VariableBlocks(
 
 ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
   ceres::Solver::Options users = *options;
-  options->function_tolerance = 0.0;
-  options->gradient_tolerance = 0.0;
-  options->parameter_tolerance = 0.0;
+  // Negative ones and NaN stay, so that Ceres refuses them.
+  for (double* tolerance : {&options->function_tolerance,
+                            &options->gradient_tolerance,
+                            &options->parameter_tolerance}) {
+    *tolerance = std::min(*tolerance, 0.0);
+  }
   return users;
 }
 
@@ -83,7 +86,10 @@ void Safeguard::Observe(const ceres::IterationSummary& iteration,
     norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
-  if (meets_gradient_tolerance) predicted_decrease_ = 0.0;
+  if (meets_gradient_tolerance) {
+    predicted_decrease_ =
+        HasVanished(cost_, start_cost_) ? 0.0 : PredictedDecreaseHere();
+  }
   has_converged_ =
       meets_gradient_tolerance || (meets_step_tolerance && !Doubts());
   is_late_ = settles || IsFlat(iteration) ||
@@ -126,7 +132,7 @@ bool Safeguard::MeetsStepTolerance(
 
 bool Safeguard::Doubts() {
   constexpr int kMaxNumDoubts = 30;
-  predicted_decrease_ = PredictedDecrease();
+  predicted_decrease_ = PredictedDecreaseHere();
   if (predicted_decrease_ == 0.0) return false;
   if (num_doubts_ == 0 ||
       cost_ < (1.0 - options_.function_tolerance) * cost_at_doubt_) {
@@ -134,38 +140,6 @@ bool Safeguard::Doubts() {
     cost_at_doubt_ = cost_;
   }
   return ++num_doubts_ <= kMaxNumDoubts;
-}
-
-// 0, too, below what the tolerances allow, where it would cost too much, where
-// there are no degrees of freedom, and where a bound may hold the state.
-double Safeguard::PredictedDecrease() const {
-  constexpr int kMaxNumParameters = 50;
-  const ProblemStructure& structure = linearizer_.structure();
-  const int n = structure.num_parameters;
-  if (has_bounds_ || n == 0 || n > kMaxNumParameters ||
-      structure.num_variable_residuals <= n) {
-    return 0.0;
-  }
-  Linearization at_x;
-  std::string ignored;
-  if (!linearizer_.Linearize(LinearizationParts::Jacobian(), &at_x, &ignored)) {
-    return 0.0;
-  }
-  Eigen::MatrixXd J;
-  at_x.jacobian->ToDense(&J);
-  const Eigen::VectorXd& r = at_x.loss_gradient;
-  const double squared_norm = r.squaredNorm();
-  if (!(squared_norm > 0.0)) return 0.0;
-  const ThinQr qr(std::move(J));
-  Eigen::VectorXd x(n);
-  for (const auto& block : structure.parameter_blocks) {
-    x.segment(block.column, block.tangent_size)
-        .setConstant(
-            Eigen::Map<const Eigen::VectorXd>(block.values, block.ambient_size)
-                .norm());
-  }
-  return RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
-      options_, qr.R, qr.Q.transpose() * r, x, squared_norm);
 }
 
 // Ceres' gradient is x - Plus(x, -gradient), which a Plus that wraps angles
@@ -231,7 +205,7 @@ void Safeguard::Compare() {
                                                   summary.iterations.end(),
                                                   &Safeguard::IsLimited)),
                    summary.termination_type == ceres::CONVERGENCE &&
-                       PredictedDecrease() == 0.0,
+                       PredictedDecreaseHere() == 0.0,
                    linearizer_.State()};
   }
   linearizer_.SetState(state);

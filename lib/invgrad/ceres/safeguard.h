@@ -24,7 +24,8 @@
 //          max_solver_time_in_seconds is set, and half of the rest for
 //          proposals.
 // Fails:   no comparison if the cost functions depend on more than their
-//          parameters (an evaluation callback); message() says so. No move to
+//          parameters, as with an evaluation callback that is not known;
+//          message() says so. No move to
 //          the lower result if Ceres itself fails before (a step of its own to
 //          where the Jacobian is not finite), or has no valid step.
 // Source: Ceres Solver 2.1, internal/ceres/trust_region_minimizer.cc.
@@ -39,6 +40,7 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "invgrad/ceres/predicted_decrease.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/work_limit.h"
 
@@ -103,7 +105,12 @@ class Safeguard {
   bool MeetsStepTolerance(const ceres::IterationSummary& iteration) const;
   // Whether the state is no minimum although a tolerance is met.
   bool Doubts();
-  double PredictedDecrease() const;
+  double PredictedDecreaseHere() const {
+    return PredictedDecrease(options_.function_tolerance,
+                             options_.parameter_tolerance,
+                             has_bounds_,
+                             linearizer_);
+  }
   double TangentGradientMaxNorm() const;
   bool IsFlat(const ceres::IterationSummary& iteration) const;
 

@@ -47,9 +47,10 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                 linearizer,
                 &work_),
       turns_(options_.by_merit),
-      has_bounds_(bounds->any()) {
+      bounds_(*bounds) {
   // Ceres' projected line search calls Plus several times for a candidate.
-  if (has_bounds_) solver_options->max_num_line_search_step_size_iterations = 0;
+  if (bounds_.any())
+    solver_options->max_num_line_search_step_size_iterations = 0;
 }
 
 ceres::CallbackReturnType SolveWithProposals::operator()(
@@ -207,7 +208,7 @@ ceres::CallbackReturnType SolveWithProposals::Propose(bool is_rules_turn) {
   if (!is_rules_turn && !turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
   has_tried_ = true;
   // With bounds, Ceres' steps are others than those of the plain solve.
-  if (work_.NeedsComparison() || has_bounds_) safeguard_.Compare();
+  if (work_.NeedsComparison() || bounds_.any()) safeguard_.Compare();
   if (!HasWorkLeft(work_.AllowsStep()) ||
       !proposal_.ComputeStep(cost_, last_state_, &summary_.message)) {
     if (proposal_.is_another_state()) return Abort(kAnotherState);
@@ -259,6 +260,7 @@ void SolveWithProposals::ExplainProposal() {
   DomainFailure failure;
   if (ExplainFailingStep(FailureOptions(),
                          linearizer_.structure(),
+                         bounds_,
                          proposal_.step_outside(),
                          &failure)) {
     summary_.first_outside_domain = std::move(failure);

@@ -9,6 +9,7 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/domain_failure.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/proposal.h"
@@ -79,7 +80,7 @@ class SolveWithProposals {
   Safeguard safeguard_;
   Proposal proposal_;
   TurnTaking turns_;
-  const bool has_bounds_;
+  const Bounds& bounds_;
   Next next_ = Next::kCeresStep;
   Eigen::VectorXd staged_state_;
   Eigen::VectorXd last_state_;    // of the blocks, in the last call

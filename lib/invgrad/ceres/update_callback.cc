@@ -17,6 +17,7 @@
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/work_limit.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/model_decrease.h"
 
 namespace invgrad {
 
@@ -39,6 +40,7 @@ class UpdateCallback::State {
   void AddTo(ceres::Solver::Options* options) {
     Remove(options);
     summary_ = Summary();
+    staged_->Clear();  // a step of the last solve, which owns it
     solve_.reset();
     has_begun_ = false;
     const WorkLimit work(
@@ -56,7 +58,6 @@ class UpdateCallback::State {
     }
     auto& entry = entries_[TolerancesOf(*options)];
     if (entry == nullptr) entry = std::make_unique<Entry>(this);
-    staged_->Clear();
     staged_->Wrap();
     bounds_.emplace(*problem_, linearizer_.structure());
     solve_.emplace(options_,
@@ -228,12 +229,7 @@ std::string UpdateCallback::Summary::BriefReport() const {
   }
   if (num_proposed == 0 && !message.empty()) report += "; " + message;
   if (ended_on_proposal) report += "; the run ended on a proposal";
-  if (predicted_decrease > 0.0) {
-    report += fmt::format(
-        "; no minimum: the linear model predicts that the cost falls by {:.2g} "
-        "%",
-        100.0 * predicted_decrease);
-  }
+  report += NoMinimumText(predicted_decrease);
   // After good steps Ceres widens the region, whether or not it was the limit;
   // but where it is not, a few steps of Gauss-Newton are enough.
   constexpr int kLeastSteps = 8;

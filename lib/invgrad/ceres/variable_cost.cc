@@ -6,20 +6,26 @@
 
 namespace invgrad {
 
-VariableCost::VariableCost(const ceres::Problem& problem,
-                           const ProblemLinearizer* linearizer)
-    : linearizer_(*linearizer) {
+double FixedCost(const ceres::Problem& problem,
+                 const ProblemStructure& structure) {
   std::vector<ceres::ResidualBlockId> ids;
   problem.GetResidualBlocks(&ids);
-  for (const auto& block : linearizer->structure().residual_blocks) {
+  double sum = 0.0;
+  for (const auto& block : structure.residual_blocks) {
     double cost = 0.0;
     if (block.row_length == 0 &&
         problem.EvaluateResidualBlock(
             ids[block.index], true, &cost, nullptr, nullptr)) {
-      fixed_cost_ += cost;
+      sum += cost;
     }
   }
+  return sum;
 }
+
+VariableCost::VariableCost(const ceres::Problem& problem,
+                           const ProblemLinearizer* linearizer)
+    : linearizer_(*linearizer),
+      fixed_cost_(FixedCost(problem, linearizer->structure())) {}
 
 double VariableCost::Of(const ceres::IterationSummary& iteration) {
   const double cost = Compute(iteration);

@@ -17,6 +17,10 @@
 
 namespace invgrad {
 
+// At the current values; the structure is that of the problem.
+double FixedCost(const ceres::Problem& problem,
+                 const ProblemStructure& structure);
+
 class VariableCost {
  public:
   // The linearizer leaves out the fixed residual blocks of the problem. Keeps
@@ -32,7 +36,7 @@ class VariableCost {
   double Compute(const ceres::IterationSummary& iteration) const;
 
   const ProblemLinearizer& linearizer_;
-  double fixed_cost_ = 0.0;
+  const double fixed_cost_;
   double cost_ = 0.0;  // at the last accepted state
 };
 

@@ -97,7 +97,8 @@ std::string WorkLimit::Message() const {
   return fmt::format(
       "no further proposals: one takes as long as {:.2g} iterations of Ceres, "
       "and max_relative_work = {:g} is the limit for the whole solve; set it "
-      "higher, or use a rule with cheaper steps (krylov)",
+      "higher, or use a rule with cheaper steps (krylov); of a proposal "
+      "function, iterations_of_function is the estimate",
       NextStep() / iteration_work_,
       max_relative_work_);
 }

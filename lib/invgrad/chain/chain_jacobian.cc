@@ -15,10 +15,12 @@ ChainJacobian::ChainJacobian(
     std::shared_ptr<const Network> network,
     VectorXd weights,
     std::unique_ptr<const Network::Pass> pass,
+    std::shared_ptr<const Simulator> simulator,
     std::vector<std::unique_ptr<const JacobianOperator>> simulators)
     : network_(std::move(network)),
       weights_(std::move(weights)),
       pass_(std::move(pass)),
+      simulator_(std::move(simulator)),
       simulators_(std::move(simulators)),
       num_samples_(pass_->num_columns()),
       outputs_per_sample_(network_->num_outputs()) {

@@ -19,18 +19,20 @@
 #include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/network_layers.h"
 #include "invgrad/jacobian_operator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 
 class ChainJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   // `pass` of a forward pass with `weights`; simulators: dy_s/dx_s of each
-  // sample, or none for y = x. The columns of the pass are the samples
-  // (CHECKed).
+  // sample, which may refer to `simulator`, or none for y = x. The columns of
+  // the pass are the samples (CHECKed).
   ChainJacobian(
       std::shared_ptr<const Network> network,
       Eigen::VectorXd weights,
       std::unique_ptr<const Network::Pass> pass,
+      std::shared_ptr<const Simulator> simulator,
       std::vector<std::unique_ptr<const JacobianOperator>> simulators);
 
   int rows() const override { return outputs_per_sample_ * num_samples_; }
@@ -52,6 +54,7 @@ class ChainJacobian final : public JacobianOperator, public LayeredJacobian {
   std::shared_ptr<const Network> network_;
   Eigen::VectorXd weights_;
   std::unique_ptr<const Network::Pass> pass_;
+  std::shared_ptr<const Simulator> simulator_;
   std::vector<std::unique_ptr<const JacobianOperator>> simulators_;
   int num_samples_;
   int outputs_per_sample_;  // |y|

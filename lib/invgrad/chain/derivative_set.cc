@@ -179,6 +179,17 @@ int DerivativeSet::ChannelOf(const std::string& word) const {
   return k;
 }
 
+bool DerivativeSet::HasChannelsOf(const DerivativeSet& other) const {
+  return variables_ == other.variables_ &&
+         std::equal(channels_.begin(),
+                    channels_.end(),
+                    other.channels_.begin(),
+                    other.channels_.end(),
+                    [](const Channel& a, const Channel& b) {
+                      return a.orders == b.orders && a.summed == b.summed;
+                    });
+}
+
 MatrixXd DerivativeSet::InputJets(const MatrixXd& points) const {
   const Index d = num_variables();
   CHECK_EQ(points.rows(), d);

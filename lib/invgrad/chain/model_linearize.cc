@@ -115,12 +115,14 @@ bool Model::Linearize(const VectorXd& weights,
     return LinearizeThroughJacobians(
         weights, batch, parts, linearization, error);
   }
-  if (parts.gradient) {
-    return LinearizeByAdjoint(weights, batch, linearization, error);
+  if (parts.gradient &&
+      !LinearizeByAdjoint(weights, batch, linearization, error)) {
+    return false;
   }
   if (parts.loss_gradient) {
     return LinearizeLoss(weights, batch, linearization, error);
   }
+  if (parts.gradient) return true;
   return Cost(weights, batch, &linearization->cost, error);
 }
 
@@ -223,10 +225,16 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
   linearization->loss_gradient = loss.gradients().reshaped();
   loss.MoveTo(linearization);
   if (is_point_ && batch_size == 1) {
-    linearization->jacobian = std::move(jacobians[0]);
+    // It may refer to the simulator.
+    using Owner = std::pair<std::shared_ptr<const Simulator>,
+                            std::unique_ptr<const JacobianOperator>>;
+    const auto owner =
+        std::make_shared<const Owner>(simulator_, std::move(jacobians[0]));
+    linearization->jacobian =
+        std::shared_ptr<const JacobianOperator>(owner, owner->second.get());
   } else {
     linearization->jacobian = std::make_shared<ChainJacobian>(
-        network_, weights, std::move(pass), std::move(jacobians));
+        network_, weights, std::move(pass), simulator_, std::move(jacobians));
   }
   if (parts.gradient) {
     linearization->jacobian->TransposeTimes(linearization->loss_gradient,
@@ -304,7 +312,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     return false;
   }
   if (!parts.jacobian) {
-    linearization->loss_gradient.resize(0);
+    if (!parts.loss_gradient) linearization->loss_gradient.resize(0);
     return true;
   }
   linearization->jacobian = jacobian;

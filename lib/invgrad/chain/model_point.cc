@@ -86,8 +86,8 @@ bool Model::LinearizeAtWeights(const VectorXd& weights,
           linearization->gradient, linearization->hessian, error)) {
     return false;
   }
+  if (parts.jacobian || parts.loss_gradient) linearization->loss_gradient = g;
   if (!parts.jacobian) return true;
-  linearization->loss_gradient = g;
   linearization->jacobian = std::make_shared<DenseJacobian>(J);
   loss.MoveTo(linearization);
   return true;

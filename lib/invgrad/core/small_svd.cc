@@ -11,7 +11,8 @@ namespace invgrad {
 
 void SmallSvd::Compute(const Eigen::Ref<const Eigen::MatrixXd>& A) {
   constexpr Eigen::Index kLargestForJacobi = 15;
-  if (std::min(A.rows(), A.cols()) <= kLargestForJacobi) {
+  const bool is_finite = A.allFinite();
+  if (is_finite && std::min(A.rows(), A.cols()) <= kLargestForJacobi) {
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(
         A, Eigen::ComputeThinU | Eigen::ComputeThinV);
     U = svd.matrixU();
@@ -21,7 +22,7 @@ void SmallSvd::Compute(const Eigen::Ref<const Eigen::MatrixXd>& A) {
   }
   DenseSvd svd;
   *svd.mutable_matrix() = A;
-  if (!svd.Compute()) {
+  if (!is_finite || !svd.Compute()) {
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     const Eigen::Index k = std::min(A.rows(), A.cols());
     U.setConstant(A.rows(), k, kNan);

@@ -15,6 +15,10 @@ bool IsSparse(const LinearizationParts& needs, double num_entries) {
   return needs.factorization && needs.uses_sparsity && num_entries > 0.0;
 }
 
+double GramSize(const LinearizationParts& needs, double rows, double cols) {
+  return needs.by_parameter_gram ? cols : std::min(rows, cols);
+}
+
 }  // namespace
 
 double StepOperations(const LinearizationParts& needs,
@@ -23,14 +27,14 @@ double StepOperations(const LinearizationParts& needs,
                       double num_entries) {
   if (needs.hessian) return 10.0 * cols * cols * cols;
   if (IsSparse(needs, num_entries)) return kOperationsOfEntry * num_entries;
-  const double k = std::min(rows, cols);
   if (needs.factorization) {
+    const double k = GramSize(needs, rows, cols);
     const double of_gram = needs.by_cholesky ? 0.5 : 10.0;
-    return k * k * (std::max(rows, cols) + of_gram * k);
+    return k * k * (rows + cols - k + of_gram * k);
   }
   if (num_entries == 0.0) return 0.0;
   // An iteration, with a product each way, ends after k.
-  return std::min(1.0 * needs.num_products, 2.0 * k) *
+  return std::min(1.0 * needs.num_products, 2.0 * std::min(rows, cols)) *
          (12.0 * num_entries + 25.0 * cols);
 }
 
@@ -59,7 +63,7 @@ std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
     parts.push_back({"J^T J and its factor, if they are sparse",
                      kBytesOfEntry * num_entries});
   } else if (needs.factorization) {
-    const double k = std::min(rows, cols);
+    const double k = GramSize(needs, rows, cols);
     parts.push_back({"Gram matrix and its factorization",
                      2.0 * kDouble * k * k / num_ranks});
     if (cols < rows) {

@@ -3,7 +3,7 @@
 //
 //   factorization   k^2 (max(m, n) + 10 k) operations, by Cholesky
 //                   k^2 (max(m, n) + k / 2), 16 k^2 bytes, and a dense J if
-//                   m > n;   k = min(m, n)
+//                   m > n;   k = min(m, n), or n by J^T J
 //   of a sparse J   500 operations and 100 bytes for each entry of J; a factor
 //                   with much fill needs more (cholmod_factor.h)
 //   Hessian         10 n^3 operations, 32 n^2 bytes

@@ -323,12 +323,18 @@ bool SparsePseudoInverse(const BlockGroup& group,
       return false;
     }
     if (!small.complete) {
+      const std::string full_svd =
+          MayBeDense(group)
+              ? fmt::format(
+                    "rank.max_dense_size of at least {} for a full "
+                    "SVD, or ",
+                    A.cols())
+              : "";
       *error = fmt::format(
-          "more than {} undetermined directions: try rank.max_dense_size of at "
-          "least {} for a full SVD, or a larger rank.max_directions; "
-          "ComputeRankReport names them",
+          "more than {} undetermined directions: try {}a larger "
+          "rank.max_directions; ComputeRankReport names them",
           small.V.cols(),
-          A.cols());
+          full_svd);
       return false;
     }
     V_0 = small.V;

@@ -12,12 +12,22 @@ using Eigen::MatrixXd;
 
 constexpr int kNumDerivatives = DerivativeSet::kMaxOrder + 1;
 
+namespace {
+
+void CheckSame(const DerivativeSet* a, const DerivativeSet* b) {
+  CHECK(a == b || a == nullptr || b == nullptr || a->HasChannelsOf(*b))
+      << "Jets with other derivatives, or the same in another order.";
+}
+
+}  // namespace
+
 InputJet::InputJet(const DerivativeSet* set, Eigen::RowVectorXd jet)
     : set_(set), jet_(std::move(jet)) {
   CHECK_EQ(jet_.size(), set->num_channels());
 }
 
 InputJet& InputJet::operator+=(const InputJet& y) {
+  CheckSame(set_, y.set_);
   if (set_ == nullptr) {
     const double value = this->value();
     *this = y;
@@ -29,6 +39,7 @@ InputJet& InputJet::operator+=(const InputJet& y) {
 }
 
 InputJet& InputJet::operator*=(const InputJet& y) {
+  CheckSame(set_, y.set_);
   if (y.set_ == nullptr) {
     jet_ *= y.value();
   } else if (set_ == nullptr) {
@@ -141,6 +152,7 @@ MatrixXd JetsOf(const DerivativeSet& set,
     function(point.data(), values.data());
     auto jets_of_values = jets.col(s).reshaped(num_functions, T);
     for (Index f = 0; f < num_functions; ++f) {
+      CheckSame(&set, values[f].set());
       const Eigen::RowVectorXd& jet = values[f].jet();
       jets_of_values.row(f).head(jet.size()) = jet;
     }

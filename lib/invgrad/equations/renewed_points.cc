@@ -2,7 +2,7 @@
 #include <limits>
 #include <utility>
 
-#include "fmt/core.h"
+#include "fmt/ranges.h"
 #include "invgrad/equation.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/random.h"
@@ -23,7 +23,9 @@ RenewedPoints::RenewedPoints(Equation equation, Box box, Options options)
 }
 
 std::string RenewedPoints::Name() const {
-  return fmt::format("points renewed every {} steps{}",
+  return fmt::format("points in [{}] to [{}], renewed every {} steps{}",
+                     fmt::join(box_.lower, ", "),
+                     fmt::join(box_.upper, ", "),
                      options_.num_steps,
                      options_.by_residual ? " by residual" : "");
 }

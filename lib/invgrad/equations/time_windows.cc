@@ -1,6 +1,8 @@
 #include "invgrad/time_windows.h"
 
 #include <algorithm>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -64,7 +66,9 @@ bool WindowSolutions::At(const MatrixXd& points,
                          MatrixXd* u,
                          std::string* error) const {
   CHECK(!equations.empty());
-  u->resize(equations[0].trial.num_functions, points.cols());
+  u->setConstant(equations[0].trial.num_functions,
+                 points.cols(),
+                 std::numeric_limits<double>::quiet_NaN());
   const std::size_t num_windows = equations.size();
   for (std::size_t k = 0; k < num_windows; ++k) {
     std::vector<Index> inside;
@@ -97,7 +101,10 @@ bool SolveInWindows(const std::vector<double>& times,
                     WindowSolutions* solutions,
                     std::string* error) {
   CHECK_GE(times.size(), 2u);
-  CHECK(std::is_sorted(times.begin(), times.end()));
+  CHECK(std::adjacent_find(times.begin(),
+                           times.end(),
+                           std::not_fn(std::less<double>())) == times.end())
+      << "The times must be ascending.";
   *solutions = WindowSolutions();
   if (times.size() > 2 && !options.checkpoint_path.empty()) {
     *error = fmt::format(

@@ -1,6 +1,8 @@
 #include "invgrad/trial_function.h"
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "fmt/ranges.h"
@@ -102,10 +104,18 @@ void EvaluateTrialFunction(const TrialFunction& trial,
                            const Eigen::VectorXd& weights,
                            const InputJet* point,
                            InputJet* u) {
-  const DerivativeSet& set = *trial.derivatives;
+  const auto has_set = [](const InputJet& a) { return a.set() != nullptr; };
+  const InputJet* const end = point + trial.derivatives->num_variables();
+  const InputJet* const first = std::find_if(point, end, has_set);
+  // Not owned: the point has it.
+  const std::shared_ptr<const DerivativeSet> of_point =
+      first == end ? trial.derivatives
+                   : std::shared_ptr<const DerivativeSet>(
+                         std::shared_ptr<void>(), first->set());
+  const DerivativeSet& set = *of_point;
   const Index T = set.num_channels();
   const Index num_functions = trial.num_functions;
-  std::vector<InputJet> features(point, point + set.num_variables());
+  std::vector<InputJet> features(point, end);
   if (trial.features.function != nullptr) {
     features.resize(trial.features.size);
     trial.features.function(point, features.data());
@@ -117,7 +127,7 @@ void EvaluateTrialFunction(const TrialFunction& trial,
     inputs.row(static_cast<Index>(i)).head(jet.size()) = jet;
   }
   DenseNetwork::Activations pass;
-  network.ForwardJets(weights, trial.derivatives, inputs, false, &pass);
+  network.ForwardJets(weights, of_point, inputs, false, &pass);
   std::vector<InputJet> g(num_functions);
   std::vector<InputJet> d(num_functions);
   if (trial.boundary_values != nullptr) trial.boundary_values(point, g.data());

@@ -4,6 +4,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/model_decrease.h"
 
 namespace invgrad {
 
@@ -77,10 +78,7 @@ std::string FitRemarks::ToText() const {
   }
   if (predicted_decrease > 0.0) {
     if (status <= FitStatus::kMinTrustRegionRadius) text = "not " + text;
-    text += fmt::format(
-        "; no minimum: the linear model predicts that the cost falls by {:.2g} "
-        "%",
-        100.0 * predicted_decrease);
+    text += NoMinimumText(predicted_decrease);
   }
   if (equal_parameter >= 0) {
     text += fmt::format(

@@ -9,8 +9,8 @@
 //   gain > 1e-3:  x += step,  radius /= max(1/3, 1 - (2 gain - 1)^3)      [1]
 //   otherwise:    radius /= 2, 4, 8, ...
 //
-// A tolerance for the cost or the step ends the iteration only where the linear
-// model agrees that there is a minimum (model_decrease.h); where it does not, the
+// A tolerance ends the iteration only where the linear model agrees that there is
+// a minimum (model_decrease.h); where that for the cost or the step does not, the
 // iteration goes on, and ends as Ceres does if that gains nothing.
 //
 // Rows has
@@ -119,8 +119,12 @@ double PredictedDecrease(const FitOptions& options,
   // There are no degrees of freedom.
   return root.num_rows <= N
              ? 0.0
-             : RelativeModelDecrease(
-                   options, root.R, root.c, x, root.squared_norm());
+             : RelativeModelDecrease(options.function_tolerance,
+                                     options.parameter_tolerance,
+                                     root.R,
+                                     root.c,
+                                     x,
+                                     root.squared_norm());
 }
 
 // Rank, covariance and residual variance at the state of `root`.
@@ -140,10 +144,8 @@ void DescribeFit(const FitOptions& options,
   fit->rank = ComputeSmallCovariance<N>(
       R, options.rank_threshold, &fit->covariance, &fit->undetermined);
   fit->num_rows = root.num_rows;
-  // Where r has vanished, its direction is that of rounding errors.
-  constexpr double kVanished = 1e-16;
   fit->predicted_decrease = fit->status == FitStatus::kGradientTolerance &&
-                                    fit->cost <= kVanished * fit->initial_cost
+                                    HasVanished(fit->cost, fit->initial_cost)
                                 ? 0.0
                                 : PredictedDecrease<N>(options, root, fit->x);
   // Columns of too few rows may be parallel whatever the parameters are.
@@ -237,8 +239,10 @@ class LevenbergMarquardt {
       // As Ceres, x - (x - g) in place of g: rounded as a change of x.
       const Vector gradient = at_x_.R.transpose() * at_x_.c;
       const Vector moved = fit_.x - gradient;
+      // The gradient has a unit: a small one may be that of small residuals.
       if ((fit_.x - moved).template lpNorm<Eigen::Infinity>() <=
-          options_.gradient_tolerance) {
+              options_.gradient_tolerance &&
+          (HasVanished(fit_.cost, fit_.initial_cost) || IsMinimum())) {
         return FitStatus::kGradientTolerance;
       }
     }

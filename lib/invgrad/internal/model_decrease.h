@@ -9,7 +9,8 @@
 // the step, which Ceres has, too, can be met far from one: where a parameter has
 // made its own column short, or the trust region is small.
 //
-//   double decrease = RelativeModelDecrease(options, R, c, x, squared_norm);
+//   double decrease = RelativeModelDecrease(
+//       function_tolerance, parameter_tolerance, R, c, x, squared_norm);
 //   bool is_minimum = decrease == 0.0;
 //
 // A decrease of at most max(1e-5, 10 function_tolerance, parameter_tolerance)
@@ -25,20 +26,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "Eigen/Core"
 #include "Eigen/SVD"
 
 namespace invgrad {
 
-template <typename Matrix, typename Vector, typename Options>
-double RelativeModelDecrease(const Options& options,
+// Whether the residuals have vanished: their direction is that of rounding errors.
+inline bool HasVanished(double cost, double first_cost) {
+  return cost <= 1e-16 * first_cost;
+}
+
+template <typename Matrix, typename Vector>
+double RelativeModelDecrease(double function_tolerance,
+                             double parameter_tolerance,
                              const Matrix& R,
                              const Vector& c,
                              const Vector& x,
                              double squared_norm) {
   const double least_decrease = std::max(
-      {1e-5, 10.0 * options.function_tolerance, options.parameter_tolerance});
+      {1e-5, 10.0 * function_tolerance, parameter_tolerance});
   constexpr double kLeastStep = 1e-8;
   constexpr double kThreshold = 1e-7;
   Matrix A = R.template triangularView<Eigen::Upper>();
@@ -58,6 +66,10 @@ double RelativeModelDecrease(const Options& options,
   }
   return decrease > least ? decrease / squared_norm : 0.0;
 }
+
+// "; no minimum: the linear model predicts that the cost falls by 12 %", or "" if
+// the decrease is 0.
+std::string NoMinimumText(double decrease);
 
 }  // namespace invgrad
 

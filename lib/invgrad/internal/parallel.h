@@ -3,6 +3,7 @@
 #define INVGRAD_INTERNAL_PARALLEL_H_
 
 #include <algorithm>
+#include <exception>
 #include <thread>
 #include <vector>
 
@@ -14,7 +15,8 @@ namespace invgrad {
 // `grain`, one a thread; the calling thread has the first. function(begin, end)
 // computes a share and returns the first sample that fails, or `end`. Returns
 // the first sample of all shares that fails, or `count`. Shares that call BLAS
-// wait for each other if it has several threads (blas_threads.h).
+// wait for each other if it has several threads (blas_threads.h). Exceptions
+// reach the caller; of several that of the first share.
 template <typename Function>
 int ForShares(int count,
               int num_threads,
@@ -28,11 +30,21 @@ int ForShares(int count,
     return static_cast<int>(std::min<long>(count, first * grain));
   };
   std::vector<int> firsts(num_shares);  // the first sample that fails
-  const auto run = [&](int k) { firsts[k] = function(bound(k), bound(k + 1)); };
+  std::vector<std::exception_ptr> exceptions(num_shares);
+  const auto run = [&](int k) {
+    try {
+      firsts[k] = function(bound(k), bound(k + 1));
+    } catch (...) {
+      exceptions[k] = std::current_exception();
+    }
+  };
   std::vector<std::thread> threads;
   for (int k = 1; k < num_shares; ++k) threads.emplace_back(run, k);
   run(0);
   for (std::thread& thread : threads) thread.join();
+  for (const std::exception_ptr& exception : exceptions) {
+    if (exception != nullptr) std::rethrow_exception(exception);
+  }
   for (int k = 0; k < num_shares; ++k) {
     if (firsts[k] < bound(k + 1)) return firsts[k];
   }

@@ -97,6 +97,8 @@ bool ChainPullBack::LinearizeOutputLayer(const VectorXd& weights,
       !PullBackSamples(samples, &pulled_back, error)) {
     return false;
   }
+  // Those of the last Linearize stay, for LinearizeAgain.
+  const VectorXd sample_weights = sample_weights_;
   SetWeights(samples, pulled_back);
   SetProblemInX(model_.network(),
                 weights,
@@ -104,6 +106,7 @@ bool ChainPullBack::LinearizeOutputLayer(const VectorXd& weights,
                 d_x_,
                 options_.curvature_weight == 0.0 ? VectorXd() : sample_weights_,
                 problem);
+  sample_weights_ = sample_weights;
   return true;
 }
 
@@ -327,6 +330,7 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
         model_.shared_network(),
         weights,
         std::move(pass_),
+        /*simulator=*/nullptr,
         std::vector<std::unique_ptr<const JacobianOperator>>());
     return true;
   }

@@ -118,8 +118,10 @@ bool TakeRacing(Settings* settings, const Phase& phase) {
   };
   const auto size = named("batch_size");
   if (size == settings->end()) {
+    const auto layer = named("output_layer");
     return phase.rule != nullptr && phase.rule->races_batch_size &&
-           phase.ceres == nullptr && named("output_layer") == settings->end();
+           phase.ceres == nullptr &&
+           (layer == settings->end() || layer->second == "trained");
   }
   if (size->second != "auto") return false;
   settings->erase(size);

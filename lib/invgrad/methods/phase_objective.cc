@@ -87,9 +87,12 @@ bool MakeUpdates(const DataSet& batch,
   StepJudge* const judge = rule->judge();
   Eigen::VectorXd step;
   for (int k = 0; k < objective->updates_per_step(); ++k) {
-    if (k > 0 && !objective->LinearizeAgain(
-                     *weights, batch, rule->Needs(), at_weights, error)) {
-      return false;
+    if (k > 0) {
+      at_weights->hessian_times = nullptr;  // of the last weights
+      if (!objective->LinearizeAgain(
+              *weights, batch, rule->Needs(), at_weights, error)) {
+        return false;
+      }
     }
     if (objective->is_proxy() && ComparesCosts(rule)) {
       at_weights->cost = CostOf(objective, batch, *weights);

@@ -5,9 +5,13 @@
 
 #include "ceres/gradient_problem.h"
 #include "ceres/gradient_problem_solver.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/domain_failure.h"
+#include "invgrad/ceres/predicted_decrease.h"
+#include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/model_decrease.h"
 
 namespace invgrad {
 namespace {
@@ -116,6 +120,21 @@ class DomainWatch final : public ceres::IterationCallback {
 
 }  // namespace
 
+void AddDoubt(const MinimizerOptions& options,
+              bool has_bounds,
+              const ProblemLinearizer& linearizer,
+              MinimizerSummary* summary) {
+  if (summary->termination_type != ceres::CONVERGENCE ||
+      HasVanished(summary->final_cost, summary->initial_cost)) {
+    return;
+  }
+  summary->message +=
+      NoMinimumText(PredictedDecrease(options.function_tolerance,
+                                      options.parameter_tolerance,
+                                      has_bounds,
+                                      linearizer));
+}
+
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,
@@ -138,6 +157,15 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   if (proposals == nullptr) {
     summary->first_outside_domain =
         watch.Explain(options, ceres_options, *problem);
+    const ProblemLinearizer linearizer(problem,
+                                       {{},
+                                        /*apply_loss_function=*/true,
+                                        options.evaluation_callback,
+                                        /*leave_out_fixed=*/true});
+    AddDoubt(options,
+             Bounds(*problem, structure).any(),
+             linearizer,
+             summary);
     return;
   }
   summary->proposals = proposals->summary();

@@ -16,6 +16,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "ceres/types.h"
+#include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/minimize.h"
 #include "invgrad/update_callback.h"
@@ -42,6 +43,13 @@ void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::FirstOrderFunction* function,
                        Eigen::VectorXd* x,
                        MinimizerSummary* summary);
+
+// After convergence, says in the message if the state is no minimum
+// (predicted_decrease.h).
+void AddDoubt(const MinimizerOptions& options,
+              bool has_bounds,
+              const ProblemLinearizer& linearizer,
+              MinimizerSummary* summary);
 
 // The memory of a trust region with an m x n Jacobian: its copies in the linear
 // solver, 8 m n bytes each, and the normal equations, 8 n^2.

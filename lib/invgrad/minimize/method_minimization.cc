@@ -221,6 +221,7 @@ bool MinimizePhase(
   UpdateCallback::Options callback_options;
   callback_options.block_name = options.block_name;
   callback_options.evaluation_callback = options.evaluation_callback;
+  callback_options.manifold_ownership = options.manifold_ownership;
   const std::string proposals = MinimizeWithProposals(phase,
                                                       options,
                                                       solver_options,

@@ -8,12 +8,14 @@
 #include "fmt/core.h"
 #include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/variable_cost.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/step_cost.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/linearization.h"
 #include "invgrad/minimize.h"
+#include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/stored_jacobian.h"
 #include "invgrad/update_rule.h"
 
@@ -29,14 +31,17 @@ double Seconds(Clock::duration duration) {
 // One run of Minimize.
 class Run {
  public:
+  // fixed_cost: a part of the cost that the objective leaves out.
   Run(const MinimizerOptions& options,
       UpdateRule* rule,
       Objective* objective,
+      double fixed_cost,
       MinimizerSummary* summary)
       : options_(options),
         rule_(rule),
         judge_(rule->judge()),
         objective_(objective),
+        fixed_cost_(fixed_cost),
         summary_(summary),
         parts_(rule->Needs()) {
     // The gradient is cheap compared with the Jacobian, which every part needs.
@@ -54,7 +59,7 @@ class Run {
       return Terminate(ceres::FAILURE, "no start: " + error);
     }
     state_ = objective_->State();
-    summary_->initial_cost = at_x_.cost;
+    summary_->initial_cost = at_x_.cost + fixed_cost_;
     ceres::IterationSummary iteration;
     iteration.iteration = 0;
     iteration.step_is_successful = true;
@@ -218,6 +223,7 @@ class Run {
     }
     was_undone_ = false;
     if (judge_ == nullptr) {
+      at_x_.hessian_times = nullptr;  // of the last x
       return Plus(step, error) && objective_->Linearize(parts_, &at_x_, error);
     }
     Linearization after;
@@ -245,14 +251,14 @@ class Run {
   bool Record(ceres::IterationSummary* iteration) {
     iteration->step_is_valid = true;
     iteration->step_is_nonmonotonic = iteration->cost_change < 0.0;
-    iteration->cost = at_x_.cost;
+    iteration->cost = at_x_.cost + fixed_cost_;
     iteration->gradient_norm = at_x_.gradient.norm();
     iteration->gradient_max_norm = at_x_.gradient.lpNorm<Eigen::Infinity>();
     const Clock::time_point now = Clock::now();
     iteration->iteration_time_in_seconds = Seconds(now - iteration_start_);
     iteration->cumulative_time_in_seconds = Seconds(now - start_);
     summary_->iterations.push_back(*iteration);
-    summary_->final_cost = at_x_.cost;
+    summary_->final_cost = iteration->cost;
     for (ceres::IterationCallback* callback : options_.callbacks) {
       switch ((*callback)(*iteration)) {
         case ceres::SOLVER_CONTINUE:
@@ -284,6 +290,7 @@ class Run {
   UpdateRule* rule_;
   StepJudge* judge_;  // of the rule; may be null
   Objective* objective_;
+  const double fixed_cost_;
   MinimizerSummary* summary_;
   LinearizationParts parts_;
   Linearization at_x_;
@@ -315,26 +322,30 @@ void Minimize(const MinimizerOptions& options,
   CHECK(objective != nullptr);
   CHECK(summary != nullptr);
   *summary = MinimizerSummary();
-  Run(options, rule, objective, summary).Minimize();
+  Run(options, rule, objective, /*fixed_cost=*/0.0, summary).Minimize();
 }
 
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               ceres::Problem* problem,
               MinimizerSummary* summary) {
+  CHECK(rule != nullptr);
   CHECK(problem != nullptr);
+  CHECK(summary != nullptr);
+  *summary = MinimizerSummary();
   ProblemLinearizer linearizer(problem,
                                {options.residual_blocks,
                                 /*apply_loss_function=*/true,
-                                options.evaluation_callback});
+                                options.evaluation_callback,
+                                /*leave_out_fixed=*/true});
   std::string error;
   if (!IsWithoutBounds(*problem, linearizer.structure(), &error)) {
-    CHECK(summary != nullptr);
-    *summary = MinimizerSummary();
     summary->message = "no start: " + error;
     return;
   }
-  Minimize(options, rule, &linearizer, summary);
+  const double fixed_cost = FixedCost(*problem, linearizer.structure());
+  Run(options, rule, &linearizer, fixed_cost, summary).Minimize();
+  AddDoubt(options, /*has_bounds=*/false, linearizer, summary);
 }
 
 }  // namespace invgrad

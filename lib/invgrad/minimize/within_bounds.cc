@@ -15,6 +15,7 @@
 #include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/copy_problem.h"
 #include "invgrad/ceres/problem_structure.h"
+#include "invgrad/ceres/variable_cost.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 
 namespace invgrad {
@@ -183,6 +184,7 @@ void GoOnWithinBounds(const MinimizerOptions& options,
                       MinimizerSummary* summary) {
   const ProblemStructure structure = ReadStructure(*problem, {});
   if (!Bounds(*problem, structure).any()) return;
+  const double fixed_cost = FixedCost(*problem, structure);
   HeldComponents held;
   std::map<HeldComponents, double> costs;  // before the last solve with these
   while (summary->termination_type == ceres::CONVERGENCE) {
@@ -193,7 +195,8 @@ void GoOnWithinBounds(const MinimizerOptions& options,
       return;
     }
     const double new_cost = ProjectedStep(stopped, cost, problem);
-    const double least_decrease = options.function_tolerance * cost;
+    const double least_decrease =
+        options.function_tolerance * (cost - fixed_cost);
     HeldComponents now = FindHeld(stopped);
     if (costs.empty()) costs[held] = cost;
     const auto last = costs.find(now);

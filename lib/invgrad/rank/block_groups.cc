@@ -328,12 +328,15 @@ void FillJacobian(const SparseMatrix& J,
 
 }  // namespace
 
-bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
+bool MayBeDense(const BlockGroup& group) {
   constexpr double kMaxEntries = 4e7;  // 320 MB
-  return group.A.cols() <= options.max_dense_size &&
-         static_cast<double>(group.A.rows()) *
-                 static_cast<double>(group.A.cols()) <=
-             kMaxEntries;
+  return static_cast<double>(group.A.rows()) *
+             static_cast<double>(group.A.cols()) <=
+         kMaxEntries;
+}
+
+bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
+  return group.A.cols() <= options.max_dense_size && MayBeDense(group);
 }
 
 bool GroupBlocks(const RankReport::Options& options,

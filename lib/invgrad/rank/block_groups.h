@@ -39,7 +39,9 @@ struct BlockGroup {
   std::vector<std::vector<BlockArgument>> arguments;
 };
 
-// Whether A is small enough for dense decompositions.
+// Whether A has few enough entries for dense decompositions; and whether it is
+// small enough by the options, too.
+bool MayBeDense(const BlockGroup& group);
 bool IsDense(const RankReport::Options& options, const BlockGroup& group);
 
 // Linearizes the problem and fills the report's sizes, blocks, unused

@@ -25,6 +25,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -71,6 +72,8 @@ class DeterminedRule final : public UpdateRule {
     LinearizationParts parts = LinearizationParts::Jacobian();
     parts.progress = options_.step_size.has_schedule();
     parts.factorization = true;
+    parts.by_parameter_gram = true;
+    parts.num_squares = 4;
     return parts;
   }
   std::vector<Eigen::VectorXd*> MutableState() override { return {&memory_}; }
@@ -83,7 +86,7 @@ class DeterminedRule final : public UpdateRule {
     const Eigen::VectorXd& g = at_x.loss_gradient;
     CHECK_EQ(g.size(), J.rows());
     if (!CheckFinite("the gradient of the loss in y", g, error)) return false;
-    if (!determined_.has_value() || num_unknowns_ != J.cols()) Begin(J);
+    Begin(J);
     J.ParameterGram(&gram_);
     J.TransposeTimes(g, &gradient_);
     if (memory_.size() > 0) {
@@ -112,23 +115,32 @@ class DeterminedRule final : public UpdateRule {
   }
 
  private:
+  // Begins again if the unknowns are others than those of the last step.
   void Begin(const JacobianOperator& J) {
-    // A memory of another size is not of these unknowns.
-    if (num_unknowns_ != 0) memory_.resize(0);
+    std::vector<int> group_sizes;
+    if (options_.groups == "blocks") {
+      for (const auto& block : ColumnBlocksOf(J)) {
+        if (block->cols() > 0) group_sizes.push_back(block->cols());
+      }
+    }
+    if (determined_.has_value() && num_unknowns_ == J.cols() &&
+        group_sizes == group_sizes_) {
+      return;
+    }
+    // The memory is of other unknowns, or of a checkpoint.
+    if (determined_.has_value()) memory_.resize(0);
     num_unknowns_ = J.cols();
+    group_sizes_ = group_sizes;
     DeterminedStepOptions options;
     options.tau = options_.truncation;
     options.tau_high = std::min(options_.truncation * options_.release, 1.0);
-    if (options_.groups == "blocks") {
-      for (const auto& block : ColumnBlocksOf(J)) {
-        if (block->cols() > 0) options.group_sizes.push_back(block->cols());
-      }
-    }
+    options.group_sizes = std::move(group_sizes);
     determined_.emplace(options);
   }
 
   const Options options_;
   int num_unknowns_ = 0;
+  std::vector<int> group_sizes_;
   std::optional<DeterminedStepOfAnySize> determined_;
   Eigen::VectorXd memory_;  // the motions left alone, one after the other
   Eigen::MatrixXd gram_;    // lower triangle

@@ -37,9 +37,10 @@ DataSet BatchSequence::NextOfSource(long k,
   if (steps_per_set == 1) {
     return source.Batch(k, batch_size, model_, weights);
   }
-  if (k % steps_per_set == 0) set_weights_ = weights;
+  // A step that is repeated, from other weights, has the same samples.
   if (set_ != k / steps_per_set) {
     set_ = k / steps_per_set;
+    if (k % steps_per_set == 0) set_weights_ = weights;
     set_samples_ =
         source.Batch(set_ * steps_per_set, batch_size, model_, set_weights_);
   }

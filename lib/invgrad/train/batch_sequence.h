@@ -25,8 +25,10 @@ class BatchSequence {
                 const Model* model,
                 const TrainingData* data);
 
-  // Whether a data source makes the samples.
-  bool is_fresh() const { return data_.source != nullptr; }
+  // Whether a data source makes other samples for each step.
+  bool is_fresh() const {
+    return data_.source != nullptr && data_.source->steps_per_set() == 1;
+  }
 
   // The next samples, of step k from the weights. With a data source k says
   // which they are.

@@ -1,13 +1,14 @@
 #include <algorithm>
 #include <condition_variable>
+#include <exception>
 #include <mutex>
-#include <new>
 #include <thread>
 #include <utility>
 
 #include "invgrad/ceres/model_function.h"
 #include "invgrad/cost.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/linearization.h"
 #include "invgrad/method.h"
 #include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
@@ -65,8 +66,8 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   std::mutex mutex_;
   std::condition_variable changed_;
   bool is_solving_ = false;
-  bool has_ended_ = false;  // the solve
-  bool is_out_of_memory_ = false;
+  bool has_ended_ = false;        // the solve
+  std::exception_ptr exception_;  // of the solve
   bool is_stopped_ = false;
   ceres::IterationSummary iteration_;
   double lowest_cost_ = std::numeric_limits<double>::infinity();
@@ -83,7 +84,7 @@ Engine::StepResult CeresEngine::Step(double /*progress*/,
   is_solving_ = !has_ended_;
   changed_.notify_all();
   changed_.wait(lock, [this] { return !is_solving_; });
-  if (is_out_of_memory_) throw std::bad_alloc();
+  if (exception_ != nullptr) std::rethrow_exception(exception_);
   StepResult result;
   if (has_ended_) {
     result.outcome = StepResult::Outcome::kEnded;
@@ -130,16 +131,16 @@ ceres::CallbackReturnType CeresEngine::operator()(
 void CeresEngine::Solve(Eigen::VectorXd* weights) {
   MinimizerSummary summary;
   std::string proposals;
-  bool is_out_of_memory = false;
+  std::exception_ptr exception;
   try {
     Minimize(weights, &summary, &proposals);
-  } catch (const std::bad_alloc&) {
-    is_out_of_memory = true;
+  } catch (...) {
+    exception = std::current_exception();
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   summary_ = std::move(summary);
   proposals_ = std::move(proposals);
-  is_out_of_memory_ = is_out_of_memory;
+  exception_ = exception;
   has_ended_ = true;
   is_solving_ = false;
   changed_.notify_all();
@@ -183,6 +184,16 @@ void CeresEngine::Minimize(Eigen::VectorXd* weights,
                       new ModelFunction(&model_, &train_),
                       weights,
                       summary);
+  }
+  if (summary->termination_type != ceres::FAILURE) return;
+  // Ceres does not say which sample has no value or derivative at the start.
+  Linearization ignored;
+  std::string error;
+  const LinearizationParts parts = phase_.ceres->is_trust_region
+                                       ? LinearizationParts::Jacobian()
+                                       : LinearizationParts::Gradient();
+  if (!model_.Linearize(*weights, train_, parts, &ignored, &error)) {
+    summary->message = error;
   }
 }
 

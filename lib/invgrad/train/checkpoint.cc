@@ -19,7 +19,7 @@ static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
               "doubles are copied to and from little-endian files as they are");
 
 constexpr char kProgram[] = "invgrad checkpoint, ";
-constexpr char kVersion[] = "version 9";
+constexpr char kVersion[] = "version 10";
 
 constexpr char kDamaged[] = "the file is truncated or damaged";
 

@@ -7,7 +7,7 @@
 //
 // Every class lists its members once, for writing and reading. The file:
 //
-//   invgrad checkpoint, version 9\n
+//   invgrad checkpoint, version 10\n
 //   <digest of all bytes after this line>\n    digest.h
 //   <name>: <value>\n          for each part of the run's identity
 //   \n

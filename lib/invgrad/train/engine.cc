@@ -371,13 +371,17 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
       [&model, &data, &options, needs, is_proxy, num_ranks, copies](
           int size, std::string* why) {
         std::string ignored;
-        return Fits(
+        const bool fits = Fits(
             fmt::format("batch_size={}", size),
             StepParts(model, data, needs, is_proxy, size, num_ranks, copies),
             data,
             options,
             &ignored,
             why);
+        // The machines of ranks may differ.
+        return options.communicator == nullptr
+                   ? fits
+                   : options.communicator->Agree(fits, why);
       };
   return MakeRacedEngine(
       std::move(engine), needs, is_proxy, fits, options, model, data);

@@ -94,6 +94,7 @@ bool RuleEngine::Begin(const DataSet& batch,
                                 : std::min(kMaxLeftOut, steps_per_epoch());
   *is_left_out = rule_->Needs().after && num_left_out_ < max_left_out;
   ++num_left_out_;
+  if (*is_left_out) ++num_left_out_in_all_;
   return false;
 }
 
@@ -130,9 +131,17 @@ Engine::Counts RuleEngine::counts() const {
 
 std::string RuleEngine::Finish() {
   const PullBackCounts* pull_backs = objective_->mutable_counts();
+  const std::string left_out =
+      num_left_out_in_all_ == 0
+          ? ""
+          : fmt::format(
+                "{} of {} batches left out, for which there was no "
+                "finite loss or derivative",
+                num_left_out_in_all_,
+                step_);
   std::string text;
   for (const std::string& part :
-       {remark_, pull_backs == nullptr ? "" : pull_backs->Report()}) {
+       {remark_, left_out, pull_backs == nullptr ? "" : pull_backs->Report()}) {
     if (!part.empty()) text += "; " + part;
   }
   return text;
@@ -149,6 +158,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
     archive->Require(arrays[i]->allFinite(), name);
   }
   archive->Visit("num_left_out", &num_left_out_);
+  archive->Visit("num_left_out_in_all", &num_left_out_in_all_);
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {
     // An array that is not empty before the first step keeps its size.

@@ -7,7 +7,7 @@
 // rejects, or after which the next batch has no finite loss. A rule that
 // evaluates the loss at other points (LinearizationParts::after) has judged its
 // steps: a batch without a finite loss is left out, at most a hundred in a row,
-// and of stored samples at most those of an epoch.
+// and of stored samples at most those of an epoch. The run's message counts them.
 // If the train loss is not finite, it goes back to the best weights that were
 // evaluated.
 //
@@ -92,6 +92,7 @@ class RuleEngine final : public Engine {
   long step_ = 0;
   WeightLedger ledger_;
   long num_left_out_ = 0;  // in a row
+  long num_left_out_in_all_ = 0;
 };
 
 }  // namespace invgrad

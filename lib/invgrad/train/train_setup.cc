@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <iterator>
 #include <limits>
+#include <string>
 #include <typeinfo>
 #include <utility>
 #include <vector>
@@ -253,6 +254,17 @@ void TrainingRun::Impl::AgreeWithRanks() {
   if (!difference.empty()) {
     error_ = fmt::format(
         "rank {} differs from rank 0: {}", communicator.rank(), difference);
+  }
+  const std::string first = std::to_string(step());
+  const std::string of_rank_0 = communicator.GatherTexts(first)[0];
+  if (error_.empty() && first != of_rank_0) {
+    error_ = fmt::format(
+        "rank {} begins at step {}, rank 0 at step {}: all ranks must be able "
+        "to read {}",
+        communicator.rank(),
+        first,
+        of_rank_0,
+        options_.checkpoint_path);
   }
   communicator.Agree(error_.empty(), &error_);
 }

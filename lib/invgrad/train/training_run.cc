@@ -91,7 +91,7 @@ void TrainingRun::Impl::BeginNextPhase() {
   const int next = next_phase();
   if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
   state_.weights = Reported();
-  TakeBetterWeights();
+  TakeBetterWeights(history().back().train_loss);
   state_.first_epoch = epoch();
   state_.first_step = state_.step;
   state_.first_second = state_.seconds;
@@ -117,6 +117,9 @@ bool TrainingRun::Impl::HandOver() {
   state_.set_aside.resize(0);
   if (std::isfinite(state_.loss_set_aside)) {
     state_.set_aside = Reported();
+  } else if (state_.best_step >= state_.first_step) {
+    state_.set_aside = state_.best_weights;
+    state_.loss_set_aside = state_.best_train_loss;
   }
   state_.weights = state_.first_weights;
   ++state_.phase;
@@ -244,16 +247,19 @@ void TrainingRun::Impl::EndDiverged() {
                 ": the train loss is not finite: ";
   engine().Undo(UndoReason::kEnd, state_.best_weights, &state_.weights);
   Summarize(ceres::FAILURE, where + why);
-  summary_.message += TakeBestWeights(
-      MeanLoss(model_, weights(), data_.train, options_.communicator.get()));
-  summary_.message += TakeBetterWeights();
+  double train_loss =
+      MeanLoss(model_, weights(), data_.train, options_.communicator.get());
+  summary_.message += TakeBestWeights(&train_loss);
+  summary_.message += TakeBetterWeights(train_loss);
 }
 
-std::string TrainingRun::Impl::TakeBestWeights(double train_loss) {
-  if (state_.best_weights.size() == 0 || train_loss <= state_.best_train_loss) {
+std::string TrainingRun::Impl::TakeBestWeights(double* train_loss) {
+  if (state_.best_weights.size() == 0 ||
+      *train_loss <= state_.best_train_loss) {
     return "";
   }
   state_.weights = state_.best_weights;
+  *train_loss = state_.best_train_loss;
   return fmt::format(
       "; final weights are the best that were evaluated, of step {} (train "
       "loss {})",
@@ -325,16 +331,16 @@ void TrainingRun::Impl::End(ceres::TerminationType type,
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
   state_.weights = Reported();
+  double train_loss = history().back().train_loss;
   if (type == ceres::FAILURE) {
-    summary_.message += TakeBestWeights(history().back().train_loss);
+    summary_.message += TakeBestWeights(&train_loss);
   }
-  summary_.message += TakeBetterWeights();
+  summary_.message += TakeBetterWeights(train_loss);
 }
 
-std::string TrainingRun::Impl::TakeBetterWeights() {
+std::string TrainingRun::Impl::TakeBetterWeights(double trained) {
   if (!follows_trial()) return "";
   HistoryRow row = history().back();
-  const double trained = row.train_loss;
   const double solved = state_.loss_set_aside;
   const bool takes_solved = state_.set_aside.size() > 0 && !(trained <= solved);
   if (takes_solved) {
@@ -343,6 +349,9 @@ std::string TrainingRun::Impl::TakeBetterWeights() {
       row.test_loss = MeanLoss(model_, state_.set_aside, data_.test);
     }
     state_.weights = state_.set_aside;
+    state_.best_weights = state_.set_aside;
+    state_.best_train_loss = solved;
+    state_.best_step = state_.step;
     if (options_.metric) row.metric = options_.metric(weights());
     state_.history.push_back(row);
     if (options_.on_evaluation) options_.on_evaluation(weights(), history());

@@ -140,9 +140,9 @@ class TrainingRun::Impl {
   // Ends with the last good weights.
   void EndDiverged();
   // After a failure: takes the weights of the lowest train loss that was
-  // evaluated, if it is below `train_loss`, that of the last good weights.
-  // Returns a text for the message.
-  std::string TakeBestWeights(double train_loss);
+  // evaluated, if it is below *train_loss, that of the last good weights, and
+  // sets *train_loss. Returns a text for the message.
+  std::string TakeBestWeights(double* train_loss);
   bool IsEvaluationDue() const;
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
@@ -166,8 +166,8 @@ class TrainingRun::Impl {
   // If this phase is a trial, begins the next one in its place.
   bool HandOver();
   // After a trial, takes the weights that are set aside if their train loss is
-  // lower. Returns a text for the message.
-  std::string TakeBetterWeights();
+  // lower than `trained`, that of weights(). Returns a text for the message.
+  std::string TakeBetterWeights(double trained);
 
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;
