@@ -129,7 +129,7 @@ bool AddBenchmarks(std::string* error) {
 
 bool Run(RunCounts* counts, std::string* error) {
   if (!CheckFlags({{"blas_threads", {1.0, 256.0}}}, error) ||
-      !AddBenchmarks(error)) {
+      !AgreeOnRanks(AddBenchmarks(error), error)) {
     return false;
   }
   SetBlasThreads(FLAGS_blas_threads);

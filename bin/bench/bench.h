@@ -25,8 +25,9 @@ benchmark::internal::Benchmark* AddBenchmark(
     const std::string& reference,
     std::function<void(benchmark::State&)> measure);
 
-// The flags of training and ranks.
+// The flags of training and ranks, and their check.
 TrainingFlags& BenchTraining();
+bool CheckBenchTraining(std::string* error);
 
 // The problem of --problem and of the network's flags, or null, with *error; and
 // its training by the flags --steps and --batch_size.

@@ -76,7 +76,7 @@ void Measure(const LearningProblem& problem,
 
 bool AddRankBenchmarks(std::string* error) {
   std::vector<Method> methods;
-  if (!BenchTraining().Check(error) ||
+  if (!CheckBenchTraining(error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }

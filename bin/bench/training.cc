@@ -123,6 +123,14 @@ TrainingFlags& BenchTraining() {
   return flags;
 }
 
+bool CheckBenchTraining(std::string* error) {
+  return CheckNotGiven(
+             {"seconds", "epochs", "shuffle", "cpu_time", "checkpoint_seconds"},
+             "is not for bench: give --steps",
+             error) &&
+         BenchTraining().Check(error);
+}
+
 const LearningProblem* FlagsProblem(std::string* error) {
   static auto& problem = *new std::unique_ptr<LearningProblem>;
   if (problem != nullptr) return problem.get();
@@ -148,11 +156,7 @@ TrainOptions FlagsOptions(const LearningProblem& problem) {
 
 bool AddTrainingBenchmarks(std::string* error) {
   std::vector<Method> methods;
-  if (!CheckNotGiven(
-          {"seconds", "epochs", "shuffle", "cpu_time", "checkpoint_seconds"},
-          "is not for bench: give --steps",
-          error) ||
-      !BenchTraining().Check(error) ||
+  if (!CheckBenchTraining(error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }

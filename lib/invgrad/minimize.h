@@ -99,9 +99,10 @@ struct MinimizerSummary {
 // update_callback.h.
 //
 // Cost:    one linearization and one step an iteration.
-// Units:   a rule whose steps depend on the units of single parameters may meet a
-//          tolerance far from a minimum. Of at most 50 parameters the message
-//          then says "no minimum", also after Ceres (MinimizeProblem).
+// Units:   a rule whose steps depend on the units of single parameters may meet
+//          a tolerance far from a minimum. If the problem has at most 50
+//          parameters, the message then says "no minimum", as it does after
+//          Ceres (MinimizeProblem).
 // Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
 //          finite) ends the run with ceres::FAILURE and a message that names
 //          the iteration; the blocks then have the last state at which all of

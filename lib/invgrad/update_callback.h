@@ -238,10 +238,11 @@ class UpdateCallback final {
   // tolerances to zero, because the callback applies them to the steps of Ceres
   // only (safeguard.h). Set all other options before: a tolerance that is set
   // later can end the run on a proposal. For another solve call it again, with
-  // new options or the same (a tolerance of 0 in the same ones counts as not
-  // set since; take 1e-300); the rule keeps its memory. The options then point
-  // to the callback: do not solve with them after its end. CHECKs that no
-  // manifold was set, and no block held constant, since the callback exists.
+  // new options or the same; the rule keeps its memory. In the same options a
+  // tolerance of 0 is replaced by the earlier one: set 1e-300 instead. The
+  // options then point to the callback: do not solve with them after its end.
+  // CHECKs that no manifold was set, and no block held constant, since the
+  // callback exists.
   void AddTo(ceres::Solver::Options* options);
 
   Summary summary() const;

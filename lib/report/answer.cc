@@ -22,13 +22,16 @@ std::string LowerThan(double best, const Score& other) {
 std::string Ranges(const Score& best, const Score& next) {
   if (best.num_seeds == 0) return "";
   if (best.num_seeds == 1) return " One seed: another may change the order.";
+  const auto highest = [](const Score& score) {
+    return std::isinf(score.high) ? "failed" : FormatNumber(score.high, 3);
+  };
   return fmt::format(" Over {} seeds their ranges {}: {} to {} and {} to {}.",
                      best.num_seeds,
                      best.high < next.low ? "do not overlap" : "overlap",
                      FormatNumber(best.low, 3),
-                     FormatNumber(best.high, 3),
+                     highest(best),
                      FormatNumber(next.low, 3),
-                     FormatNumber(next.high, 3));
+                     highest(next));
 }
 
 }  // namespace

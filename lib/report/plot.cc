@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -342,6 +343,14 @@ std::vector<std::string> ShortNames(const std::vector<std::string>& labels) {
           counts[{bare[i], phase, piece}] == counts[{bare[i], -1, ""}];
       if (!is_shared) names[i] += piece;
     }
+  }
+  // "adam:x=1:y=2" and "adam:y=2:x=1"
+  std::map<std::string, std::set<std::string>> labels_of;
+  for (size_t i = 0; i < labels.size(); ++i) {
+    labels_of[names[i]].insert(labels[i]);
+  }
+  for (size_t i = 0; i < labels.size(); ++i) {
+    if (labels_of[names[i]].size() > 1) names[i] = labels[i];
   }
   return names;
 }

@@ -25,6 +25,7 @@ VectorXd RandomMarker(const FourierGrid& grid,
                       const NavierStokesSettings& settings,
                       NumpyRandom* random) {
   constexpr double kHalfSide = 28.0;
+  // In this order; that of a constructor's arguments depends on the compiler.
   Vector2d centre;
   centre.y() = random->Uniform(32.0, 96.0);
   centre.x() = random->Uniform(32.0, 96.0);

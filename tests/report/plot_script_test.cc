@@ -170,6 +170,8 @@ TEST(ShortNames, LeaveOutWhatTheLabelsOfAMethodShare) {
   // The same settings in other phases.
   EXPECT_EQ(ShortNames({"adam:x=1>newton:x=2:y=3", "adam:x=2>newton:x=1:y=3"}),
             (Strings{"adam:x=1>newton:x=2", "adam:x=2>newton:x=1"}));
+  EXPECT_EQ(ShortNames({"adam:x=1:y=2", "adam:y=2:x=1"}),
+            (Strings{"adam:x=1:y=2", "adam:y=2:x=1"}));
 }
 
 }  // namespace plot_script_test

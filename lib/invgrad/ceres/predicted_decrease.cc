@@ -13,10 +13,12 @@ double PredictedDecrease(double function_tolerance,
                          bool has_bounds,
                          const ProblemLinearizer& linearizer) {
   constexpr int kMaxNumParameters = 50;
+  constexpr double kMaxEntries = 4e7;  // 320 MB
   const ProblemStructure& structure = linearizer.structure();
   const int n = structure.num_parameters;
   if (has_bounds || n == 0 || n > kMaxNumParameters ||
-      structure.num_variable_residuals <= n) {
+      structure.num_variable_residuals <= n ||
+      static_cast<double>(structure.num_residuals) * n > kMaxEntries) {
     return 0.0;
   }
   Linearization at_x;

@@ -30,12 +30,9 @@ ceres::Problem::EvaluateOptions VariableBlocks(
 
 ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
   ceres::Solver::Options users = *options;
-  // Negative ones and NaN stay, so that Ceres refuses them.
-  for (double* tolerance : {&options->function_tolerance,
-                            &options->gradient_tolerance,
-                            &options->parameter_tolerance}) {
-    *tolerance = std::min(*tolerance, 0.0);
-  }
+  options->function_tolerance = 0.0;
+  options->gradient_tolerance = 0.0;
+  options->parameter_tolerance = 0.0;
   return users;
 }
 

@@ -43,6 +43,10 @@ class UpdateCallback::State {
     staged_->Clear();  // a step of the last solve, which owns it
     solve_.reset();
     has_begun_ = false;
+    if (!options->IsValid(&summary_.message)) {  // Ceres refuses them
+      staged_->Unwrap();
+      return;
+    }
     const WorkLimit work(
         options_.max_relative_work,
         options_.compare_with_plain,

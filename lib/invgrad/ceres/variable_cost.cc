@@ -4,28 +4,40 @@
 #include <string>
 #include <vector>
 
+#include "fmt/core.h"
+
 namespace invgrad {
 
-double FixedCost(const ceres::Problem& problem,
-                 const ProblemStructure& structure) {
+bool FixedCost(const ceres::Problem& problem,
+               const ProblemStructure& structure,
+               double* cost,
+               std::string* error) {
   std::vector<ceres::ResidualBlockId> ids;
   problem.GetResidualBlocks(&ids);
-  double sum = 0.0;
+  *cost = 0.0;
   for (const auto& block : structure.residual_blocks) {
-    double cost = 0.0;
-    if (block.row_length == 0 &&
-        problem.EvaluateResidualBlock(
-            ids[block.index], true, &cost, nullptr, nullptr)) {
-      sum += cost;
+    if (block.row_length > 0) continue;
+    double of_block = 0.0;
+    if (!problem.EvaluateResidualBlock(
+            ids[block.index], true, &of_block, nullptr, nullptr) ||
+        !std::isfinite(of_block)) {
+      *error = fmt::format(
+          "residual block {}, whose parameter blocks are constant, has no "
+          "finite cost",
+          block.index);
+      return false;
     }
+    *cost += of_block;
   }
-  return sum;
+  return true;
 }
 
 VariableCost::VariableCost(const ceres::Problem& problem,
                            const ProblemLinearizer* linearizer)
-    : linearizer_(*linearizer),
-      fixed_cost_(FixedCost(problem, linearizer->structure())) {}
+    : linearizer_(*linearizer) {
+  std::string ignored;  // Ceres fails with it
+  FixedCost(problem, linearizer->structure(), &fixed_cost_, &ignored);
+}
 
 double VariableCost::Of(const ceres::IterationSummary& iteration) {
   const double cost = Compute(iteration);

@@ -11,15 +11,20 @@
 #ifndef INVGRAD_CERES_VARIABLE_COST_H_
 #define INVGRAD_CERES_VARIABLE_COST_H_
 
+#include <string>
+
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_linearizer.h"
 
 namespace invgrad {
 
-// At the current values; the structure is that of the problem.
-double FixedCost(const ceres::Problem& problem,
-                 const ProblemStructure& structure);
+// The fixed cost at the current values; the structure is that of the problem.
+// Returns false, with *error, if one of the residual blocks has none.
+bool FixedCost(const ceres::Problem& problem,
+               const ProblemStructure& structure,
+               double* cost,
+               std::string* error);
 
 class VariableCost {
  public:
@@ -36,7 +41,7 @@ class VariableCost {
   double Compute(const ceres::IterationSummary& iteration) const;
 
   const ProblemLinearizer& linearizer_;
-  const double fixed_cost_;
+  double fixed_cost_ = 0.0;
   double cost_ = 0.0;  // at the last accepted state
 };
 

@@ -1,8 +1,8 @@
 // What a step of a rule costs, by what the rule needs and the sizes of J: the
 // one estimate for all limits on time and memory.
 //
-//   factorization   k^2 (max(m, n) + 10 k) operations, by Cholesky
-//                   k^2 (max(m, n) + k / 2), 16 k^2 bytes, and a dense J if
+//   factorization   k^2 (m + n + 9 k) operations, by Cholesky
+//                   k^2 (m + n - k / 2), 16 k^2 bytes, and a dense J if
 //                   m > n;   k = min(m, n), or n by J^T J
 //   of a sparse J   500 operations and 100 bytes for each entry of J; a factor
 //                   with much fill needs more (cholmod_factor.h)

@@ -9,9 +9,10 @@
 //   gain > 1e-3:  x += step,  radius /= max(1/3, 1 - (2 gain - 1)^3)      [1]
 //   otherwise:    radius /= 2, 4, 8, ...
 //
-// A tolerance ends the iteration only where the linear model agrees that there is
-// a minimum (model_decrease.h); where that for the cost or the step does not, the
-// iteration goes on, and ends as Ceres does if that gains nothing.
+// A tolerance ends the iteration only where the linear model agrees that there
+// is a minimum (model_decrease.h). Where it does not, the iteration goes on. If
+// that gains nothing after the tolerance for the cost or the step, the iteration
+// ends as Ceres does.
 //
 // Rows has
 //
@@ -117,14 +118,13 @@ double PredictedDecrease(const FitOptions& options,
                          const GramRoot<N>& root,
                          const typename GramRoot<N>::Vector& x) {
   // There are no degrees of freedom.
-  return root.num_rows <= N
-             ? 0.0
-             : RelativeModelDecrease(options.function_tolerance,
-                                     options.parameter_tolerance,
-                                     root.R,
-                                     root.c,
-                                     x,
-                                     root.squared_norm());
+  return root.num_rows <= N ? 0.0
+                            : RelativeModelDecrease(options.function_tolerance,
+                                                    options.parameter_tolerance,
+                                                    root.R,
+                                                    root.c,
+                                                    x,
+                                                    root.squared_norm());
 }
 
 // Rank, covariance and residual variance at the state of `root`.

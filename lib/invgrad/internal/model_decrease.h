@@ -5,9 +5,10 @@
 //   J = Q R,   c = Q^T r,   R D^-1 = U S V^T,   D = diag(|R e_i|)
 //
 // of the s > threshold s_max. It is the squared cosine of the angle between r and
-// the range of J, 0 at a minimum. Tolerances for the change of the cost and for
-// the step, which Ceres has, too, can be met far from one: where a parameter has
-// made its own column short, or the trust region is small.
+// the range of J, 0 at a minimum. Ceres' tolerances can be met far from one:
+// those for the change of the cost and for the step where a parameter has made
+// its own column short, or the trust region is small; that for the gradient,
+// which has a unit, where the residuals are small.
 //
 //   double decrease = RelativeModelDecrease(
 //       function_tolerance, parameter_tolerance, R, c, x, squared_norm);
@@ -45,8 +46,8 @@ double RelativeModelDecrease(double function_tolerance,
                              const Vector& c,
                              const Vector& x,
                              double squared_norm) {
-  const double least_decrease = std::max(
-      {1e-5, 10.0 * function_tolerance, parameter_tolerance});
+  const double least_decrease =
+      std::max({1e-5, 10.0 * function_tolerance, parameter_tolerance});
   constexpr double kLeastStep = 1e-8;
   constexpr double kThreshold = 1e-7;
   Matrix A = R.template triangularView<Eigen::Upper>();

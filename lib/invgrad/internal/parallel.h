@@ -15,8 +15,8 @@ namespace invgrad {
 // `grain`, one a thread; the calling thread has the first. function(begin, end)
 // computes a share and returns the first sample that fails, or `end`. Returns
 // the first sample of all shares that fails, or `count`. Shares that call BLAS
-// wait for each other if it has several threads (blas_threads.h). Exceptions
-// reach the caller; of several that of the first share.
+// wait for each other if it has several threads (blas_threads.h). An exception
+// reaches the caller, unless a sample of an earlier share fails.
 template <typename Function>
 int ForShares(int count,
               int num_threads,
@@ -42,10 +42,8 @@ int ForShares(int count,
   for (int k = 1; k < num_shares; ++k) threads.emplace_back(run, k);
   run(0);
   for (std::thread& thread : threads) thread.join();
-  for (const std::exception_ptr& exception : exceptions) {
-    if (exception != nullptr) std::rethrow_exception(exception);
-  }
   for (int k = 0; k < num_shares; ++k) {
+    if (exceptions[k] != nullptr) std::rethrow_exception(exceptions[k]);
     if (firsts[k] < bound(k + 1)) return firsts[k];
   }
   return count;

@@ -10,6 +10,7 @@
 #include "invgrad/ceres/predicted_decrease.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/problem_structure.h"
+#include "invgrad/ceres/variable_cost.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/model_decrease.h"
 
@@ -121,17 +122,22 @@ class DomainWatch final : public ceres::IterationCallback {
 }  // namespace
 
 void AddDoubt(const MinimizerOptions& options,
-              bool has_bounds,
+              const ceres::Problem& problem,
               const ProblemLinearizer& linearizer,
               MinimizerSummary* summary) {
-  if (summary->termination_type != ceres::CONVERGENCE ||
-      HasVanished(summary->final_cost, summary->initial_cost)) {
+  if (summary->termination_type != ceres::CONVERGENCE) return;
+  const ProblemStructure& structure = linearizer.structure();
+  double fixed_cost = 0.0;
+  std::string ignored;
+  FixedCost(problem, structure, &fixed_cost, &ignored);
+  if (HasVanished(summary->final_cost - fixed_cost,
+                  summary->initial_cost - fixed_cost)) {
     return;
   }
   summary->message +=
       NoMinimumText(PredictedDecrease(options.function_tolerance,
                                       options.parameter_tolerance,
-                                      has_bounds,
+                                      Bounds(problem, structure).any(),
                                       linearizer));
 }
 
@@ -157,15 +163,14 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   if (proposals == nullptr) {
     summary->first_outside_domain =
         watch.Explain(options, ceres_options, *problem);
-    const ProblemLinearizer linearizer(problem,
-                                       {{},
-                                        /*apply_loss_function=*/true,
-                                        options.evaluation_callback,
-                                        /*leave_out_fixed=*/true});
-    AddDoubt(options,
-             Bounds(*problem, structure).any(),
-             linearizer,
-             summary);
+    if (summary->termination_type == ceres::CONVERGENCE) {
+      const ProblemLinearizer linearizer(problem,
+                                         {{},
+                                          /*apply_loss_function=*/true,
+                                          options.evaluation_callback,
+                                          /*leave_out_fixed=*/true});
+      AddDoubt(options, *problem, linearizer, summary);
+    }
     return;
   }
   summary->proposals = proposals->summary();

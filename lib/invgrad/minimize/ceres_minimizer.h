@@ -45,9 +45,9 @@ void MinimizeWithCeres(const MinimizerOptions& options,
                        MinimizerSummary* summary);
 
 // After convergence, says in the message if the state is no minimum
-// (predicted_decrease.h).
+// (predicted_decrease.h). The linearizer leaves out the problem's fixed cost.
 void AddDoubt(const MinimizerOptions& options,
-              bool has_bounds,
+              const ceres::Problem& problem,
               const ProblemLinearizer& linearizer,
               MinimizerSummary* summary);
 

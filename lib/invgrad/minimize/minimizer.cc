@@ -339,13 +339,14 @@ void Minimize(const MinimizerOptions& options,
                                 options.evaluation_callback,
                                 /*leave_out_fixed=*/true});
   std::string error;
-  if (!IsWithoutBounds(*problem, linearizer.structure(), &error)) {
+  double fixed_cost = 0.0;
+  if (!IsWithoutBounds(*problem, linearizer.structure(), &error) ||
+      !FixedCost(*problem, linearizer.structure(), &fixed_cost, &error)) {
     summary->message = "no start: " + error;
     return;
   }
-  const double fixed_cost = FixedCost(*problem, linearizer.structure());
   Run(options, rule, &linearizer, fixed_cost, summary).Minimize();
-  AddDoubt(options, /*has_bounds=*/false, linearizer, summary);
+  AddDoubt(options, *problem, linearizer, summary);
 }
 
 }  // namespace invgrad

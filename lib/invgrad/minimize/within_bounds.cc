@@ -184,7 +184,9 @@ void GoOnWithinBounds(const MinimizerOptions& options,
                       MinimizerSummary* summary) {
   const ProblemStructure structure = ReadStructure(*problem, {});
   if (!Bounds(*problem, structure).any()) return;
-  const double fixed_cost = FixedCost(*problem, structure);
+  double fixed_cost = 0.0;
+  std::string ignored;
+  FixedCost(*problem, structure, &fixed_cost, &ignored);
   HeldComponents held;
   std::map<HeldComponents, double> costs;  // before the last solve with these
   while (summary->termination_type == ceres::CONVERGENCE) {
@@ -195,8 +197,9 @@ void GoOnWithinBounds(const MinimizerOptions& options,
       return;
     }
     const double new_cost = ProjectedStep(stopped, cost, problem);
+    // Not negative, although the sums are rounded in another order.
     const double least_decrease =
-        options.function_tolerance * (cost - fixed_cost);
+        options.function_tolerance * std::max(0.0, cost - fixed_cost);
     HeldComponents now = FindHeld(stopped);
     if (costs.empty()) costs[held] = cost;
     const auto last = costs.find(now);

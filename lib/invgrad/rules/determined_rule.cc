@@ -25,7 +25,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -35,6 +34,7 @@
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace {
@@ -115,32 +115,40 @@ class DeterminedRule final : public UpdateRule {
   }
 
  private:
+  // Of a stored J, as of a ceres::Problem; else null.
+  static const std::vector<int>* StoredSizes(const JacobianOperator& J) {
+    if (const auto* dense = dynamic_cast<const DenseJacobian*>(&J)) {
+      return &dense->block_sizes();
+    }
+    const auto* sparse = dynamic_cast<const SparseJacobian*>(&J);
+    return sparse == nullptr ? nullptr : &sparse->block_sizes();
+  }
+
   // Begins again if the unknowns are others than those of the last step.
   void Begin(const JacobianOperator& J) {
-    std::vector<int> group_sizes;
-    if (options_.groups == "blocks") {
-      for (const auto& block : ColumnBlocksOf(J)) {
-        if (block->cols() > 0) group_sizes.push_back(block->cols());
-      }
-    }
+    const std::vector<int>* const stored = StoredSizes(J);
     if (determined_.has_value() && num_unknowns_ == J.cols() &&
-        group_sizes == group_sizes_) {
+        (stored == nullptr || *stored == stored_sizes_)) {
       return;
     }
+    stored_sizes_ = stored == nullptr ? std::vector<int>() : *stored;
     // The memory is of other unknowns, or of a checkpoint.
     if (determined_.has_value()) memory_.resize(0);
     num_unknowns_ = J.cols();
-    group_sizes_ = group_sizes;
     DeterminedStepOptions options;
     options.tau = options_.truncation;
     options.tau_high = std::min(options_.truncation * options_.release, 1.0);
-    options.group_sizes = std::move(group_sizes);
+    if (options_.groups == "blocks") {
+      for (const auto& block : ColumnBlocksOf(J)) {
+        if (block->cols() > 0) options.group_sizes.push_back(block->cols());
+      }
+    }
     determined_.emplace(options);
   }
 
   const Options options_;
   int num_unknowns_ = 0;
-  std::vector<int> group_sizes_;
+  std::vector<int> stored_sizes_;
   std::optional<DeterminedStepOfAnySize> determined_;
   Eigen::VectorXd memory_;  // the motions left alone, one after the other
   Eigen::MatrixXd gram_;    // lower triangle

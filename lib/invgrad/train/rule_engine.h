@@ -7,7 +7,8 @@
 // rejects, or after which the next batch has no finite loss. A rule that
 // evaluates the loss at other points (LinearizationParts::after) has judged its
 // steps: a batch without a finite loss is left out, at most a hundred in a row,
-// and of stored samples at most those of an epoch. The run's message counts them.
+// and of samples that come again (stored, or of a set for several steps) at most
+// those of an epoch. The run's message counts them.
 // If the train loss is not finite, it goes back to the best weights that were
 // evaluated.
 //

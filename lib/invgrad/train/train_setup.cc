@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <iterator>
 #include <limits>
-#include <string>
 #include <typeinfo>
 #include <utility>
 #include <vector>
@@ -255,14 +254,14 @@ void TrainingRun::Impl::AgreeWithRanks() {
     error_ = fmt::format(
         "rank {} differs from rank 0: {}", communicator.rank(), difference);
   }
-  const std::string first = std::to_string(step());
-  const std::string of_rank_0 = communicator.GatherTexts(first)[0];
-  if (error_.empty() && first != of_rank_0) {
+  const std::string start =
+      history().empty() ? "afresh" : fmt::format("at step {}", step());
+  const std::string of_rank_0 = communicator.GatherTexts(start)[0];
+  if (error_.empty() && start != of_rank_0) {
     error_ = fmt::format(
-        "rank {} begins at step {}, rank 0 at step {}: all ranks must be able "
-        "to read {}",
+        "rank {} begins {}, rank 0 {}: all ranks must be able to read {}",
         communicator.rank(),
-        first,
+        start,
         of_rank_0,
         options_.checkpoint_path);
   }

@@ -349,9 +349,11 @@ std::string TrainingRun::Impl::TakeBetterWeights(double trained) {
       row.test_loss = MeanLoss(model_, state_.set_aside, data_.test);
     }
     state_.weights = state_.set_aside;
-    state_.best_weights = state_.set_aside;
-    state_.best_train_loss = solved;
-    state_.best_step = state_.step;
+    if (solved < state_.best_train_loss) {
+      state_.best_weights = state_.set_aside;
+      state_.best_train_loss = solved;
+      state_.best_step = state_.step;
+    }
     if (options_.metric) row.metric = options_.metric(weights());
     state_.history.push_back(row);
     if (options_.on_evaluation) options_.on_evaluation(weights(), history());
