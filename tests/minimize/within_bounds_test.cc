@@ -102,6 +102,39 @@ TEST(WithinBounds, EndsAtTheMinimumWithinTheBounds) {
   }
 }
 
+struct Value {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0];
+    return true;
+  }
+};
+
+// Also where the rest of the cost is below its rounding error.
+TEST(WithinBounds, AFixedCostDecidesNothing) {
+  BoundedLine line(true);
+  double constant = 1e6;
+  line.problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Value, 1, 1>(new Value),
+      nullptr,
+      &constant);
+  line.problem.SetParameterBlockConstant(&constant);
+  MinimizerOptions options;
+  options.max_num_iterations = 1000;
+  MinimizerSummary summary;
+  std::string error;
+  ASSERT_TRUE(MinimizeProblem(ParseMethod("ceres_lm:linear_solver=dense_qr"),
+                              options,
+                              nullptr,
+                              &line.problem,
+                              &summary,
+                              &error))
+      << error;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(line.ab[0], line.slope, 1e-4);
+  EXPECT_EQ(line.ab[1], 0.0);
+}
+
 TEST(WithinBounds, MayHoldAllComponents) {
   BoundedLine line(true);
   const Method method = ParseMethod("ceres_lm:linear_solver=dense_qr");
