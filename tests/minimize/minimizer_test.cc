@@ -6,6 +6,7 @@
 
 #include "Eigen/Cholesky"
 #include "Eigen/Core"
+#include "Eigen/LU"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
