@@ -52,7 +52,7 @@ Series RunCurve(const LearningRunResult& run, Field y, Field x) {
     curve.x.push_back(x == nullptr ? static_cast<double>(row.step) : row.*x);
     curve.y.push_back(row.*y);
   }
-  if (run.has_failed() && !curve.y.empty()) curve.y.back() = HistoryRow::kNone;
+  EndFailedCurve(run.has_failed(), &curve);
   return curve;
 }
 

@@ -86,6 +86,10 @@ Series HistoryCurve(const std::string& title,
   return curve;
 }
 
+void EndFailedCurve(bool has_failed, Series* curve) {
+  if (has_failed && !curve->y.empty()) curve->y.back() = HistoryRow::kNone;
+}
+
 SeedSpread::SeedSpread(const std::vector<double>& values)
     : num_runs(values.size()) {
   const double none = std::numeric_limits<double>::quiet_NaN();

@@ -43,6 +43,8 @@ Series HistoryCurve(const std::string& title,
                     const History& history,
                     double HistoryRow::*field,
                     bool against_seconds);
+// The curve of a failed run ends in no value.
+void EndFailedCurve(bool has_failed, Series* curve);
 
 // Values of runs that differ in the seed alone. A value that is not finite is a
 // failed run, which counts as worst.

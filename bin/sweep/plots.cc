@@ -264,10 +264,7 @@ std::vector<Plot> SweepCurves(const SweepResults& results) {
                                   results.value.field,
                                   /*against_seconds=*/true);
       curve.color = point->at[plan.rule_axis];
-      // A failed one ends in no value.
-      if (run.result && run.result->has_failed() && !curve.y.empty()) {
-        curve.y.back() = HistoryRow::kNone;
-      }
+      EndFailedCurve(run.result && run.result->has_failed(), &curve);
       values.insert(values.end(), curve.y.begin(), curve.y.end());
       plot.series.push_back(curve);
     }

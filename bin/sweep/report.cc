@@ -42,8 +42,7 @@ Series RunCurve(const SweepResults& results, int point, bool against_seconds) {
                                       : static_cast<double>(row.step));
     curve.y.push_back(row.*(results.value.field));
   }
-  // A failed one ends in no value.
-  if (run->has_failed() && !curve.y.empty()) curve.y.back() = HistoryRow::kNone;
+  EndFailedCurve(run->has_failed(), &curve);
   return curve;
 }
 

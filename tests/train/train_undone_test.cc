@@ -102,6 +102,23 @@ TEST(Trainer, ARuleThatEvaluatesTheLossGoesBackToTheBestWeights) {
   }
 }
 
+// w a + b in front of the functor.
+template <typename Functor>
+Model ModelOf() {
+  return Model(DenseNetwork({1, 1}, Activation::kTanh),
+               std::make_shared<AutoDiffSimulator<Functor, 1, 1>>(),
+               std::make_shared<SquaredNormLoss>(1, 1.0),
+               Reduction::kMean);
+}
+
+DataSet Samples(const Eigen::RowVectorXd& inputs) {
+  DataSet samples;
+  samples.inputs = inputs;
+  samples.contexts.resize(0, inputs.size());
+  samples.targets = Eigen::MatrixXd::Ones(1, inputs.size());
+  return samples;
+}
+
 struct Root {
   template <typename T>
   bool operator()(const T* x, T* y) const {
@@ -113,14 +130,8 @@ struct Root {
 
 // After an epoch of batches without a derivative there is nothing left to try.
 TEST(Trainer, ARunWithoutAnyDerivativeFails) {
-  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
-                    std::make_shared<AutoDiffSimulator<Root, 1, 1>>(),
-                    std::make_shared<SquaredNormLoss>(1, 1.0),
-                    Reduction::kMean);
-  DataSet train;
-  train.inputs = Eigen::MatrixXd::Random(1, 6);
-  train.contexts.resize(0, 6);
-  train.targets = Eigen::MatrixXd::Ones(1, 6);
+  const Model model = ModelOf<Root>();
+  const DataSet train = Samples(Eigen::RowVectorXd::Random(6));
   TrainOptions options = Epochs(10, 2);
   options.initial_weights = Eigen::VectorXd::Zero(2);
   for (const auto& [rule, start] :
@@ -148,14 +159,8 @@ struct Thrower {
 
 // Also from the threads that evaluate samples, and from that of Ceres.
 TEST(Trainer, ExceptionsOfASimulatorReachTheCaller) {
-  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
-                    std::make_shared<AutoDiffSimulator<Thrower, 1, 1>>(),
-                    std::make_shared<SquaredNormLoss>(1, 1.0),
-                    Reduction::kMean);
-  DataSet train;
-  train.inputs = Eigen::MatrixXd::Random(1, 64);
-  train.contexts.resize(0, 64);
-  train.targets = Eigen::MatrixXd::Ones(1, 64);
+  const Model model = ModelOf<Thrower>();
+  const DataSet train = Samples(Eigen::RowVectorXd::Random(64));
   for (const char* rule : {"adam", "adaptive", "ceres_lm"}) {
     for (const int num_threads : {1, 2}) {
       TrainOptions options = Epochs(2, 64);
@@ -170,15 +175,9 @@ TEST(Trainer, ExceptionsOfASimulatorReachTheCaller) {
 // The first batch has no derivative: sqrt(0) at an input of zero. The steps on
 // the others move the root away.
 TEST(Trainer, CountsBatchesThatAreLeftOut) {
-  const Model model(DenseNetwork({1, 1}, Activation::kTanh),
-                    std::make_shared<AutoDiffSimulator<Root, 1, 1>>(),
-                    std::make_shared<SquaredNormLoss>(1, 1.0),
-                    Reduction::kMean);
-  DataSet train;
-  train.inputs = Eigen::RowVectorXd::LinSpaced(6, 0.5, 1.0);
+  const Model model = ModelOf<Root>();
+  DataSet train = Samples(Eigen::RowVectorXd::LinSpaced(6, 0.5, 1.0));
   train.inputs(0) = 0.0;
-  train.contexts.resize(0, 6);
-  train.targets = Eigen::MatrixXd::Ones(1, 6);
   TrainOptions options = Epochs(4, 2);
   options.initial_weights = Eigen::Vector2d(1.0, 0.0);
   const TrainResult result =
